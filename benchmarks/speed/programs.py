@@ -26,7 +26,8 @@ SEED = 40
 FIRST_SAMPLE = """
 import sys
 import numpy as np
-from faultbond import Monitor, Sample, load_model
+from faultbond import Sample, load_model
+from faultbond.runtime.monitor import Monitor
 from faultbond.synthesis.engine import build_engine
 
 spec, core = build_engine(load_model(sys.argv[1]))

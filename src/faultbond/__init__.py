@@ -1,7 +1,9 @@
 """faultbond: from a bond graph to a fault detection and diagnosis engine.
 
-Here are the names that are quick to load. An engine is built by `faultbond.synthesis.engine.build_engine`, recordings
-are read by `faultbond.io`, plants are simulated by `faultbond.simulate`, pages are made by `faultbond.report`.
+Here are the names for people who work in Python: `load` or `example` gives a model, the verbs of the command line are
+functions, and a `Monitor` watches live; docs/python.md shows them. Beside them are the data that they give, and some of
+the parts below: an engine is built by `faultbond.synthesis.engine.build_engine`, recordings are read by `faultbond.io`,
+pages are made by `faultbond.report`. What is asked for is loaded then.
 """
 
 from faultbond.interrupt import is_program  # noqa: F401 - first, since what follows takes a while
@@ -12,6 +14,13 @@ from typing import TYPE_CHECKING
 from faultbond.lazy import lazily
 
 if TYPE_CHECKING:
+    from faultbond.api.frame import Frame
+    from faultbond.api.live import Event, Monitor
+    from faultbond.api.plant_model import Model, example, load
+    from faultbond.api.ranked import RankedCandidate, SuspectValue
+    from faultbond.api.result import Result
+    from faultbond.api.told import Analysis, FittedModel, Told
+    from faultbond.api.verbs import Simulation, accept, analyse, check, code, fit, reject, run, simulate, trace
     from faultbond.contract.findings import Advice, Candidate, Decision, Detection, Diagnosis, Suspect
     from faultbond.contract.samples import Report, Reports, Sample, Samples, Status
     from faultbond.contract.spec import Engine, EngineSpec
@@ -28,11 +37,11 @@ if TYPE_CHECKING:
     from faultbond.model.text import dump_model, load_model, parse_model
     from faultbond.runtime.core import Core
     from faultbond.runtime.fleet import AssetEvent, EventKind, Fleet
-    from faultbond.runtime.monitor import Monitor
     from faultbond.runtime.names import find_hypothesis, is_sure
 
 __all__ = [
     "Advice",
+    "Analysis",
     "AssetEvent",
     "BondGraph",
     "Candidate",
@@ -43,31 +52,58 @@ __all__ = [
     "Diagnosis",
     "Engine",
     "EngineSpec",
+    "Event",
     "EventKind",
     "FaultbondError",
+    "FittedModel",
     "Fleet",
+    "Frame",
     "GenerationError",
+    "Model",
     "ModelBuilder",
     "ModelError",
     "Monitor",
+    "RankedCandidate",
     "RecordingError",
     "Report",
     "Reports",
+    "Result",
     "Sample",
     "Samples",
+    "Simulation",
     "Status",
     "StructureError",
     "Suspect",
+    "SuspectValue",
+    "Told",
+    "accept",
+    "analyse",
+    "check",
+    "code",
     "dump_model",
+    "example",
     "find_hypothesis",
+    "fit",
     "is_sure",
+    "load",
     "load_model",
     "parse_model",
+    "reject",
+    "run",
+    "simulate",
+    "trace",
 ]
 
 __getattr__ = lazily(
     "faultbond",
     {
+        "api.frame": "Frame",
+        "api.live": "Event Monitor",
+        "api.plant_model": "Model example load",
+        "api.ranked": "RankedCandidate SuspectValue",
+        "api.result": "Result",
+        "api.told": "Analysis FittedModel Told",
+        "api.verbs": "Simulation accept analyse check code fit reject run simulate trace",
         "contract.findings": "Advice Candidate Decision Detection Diagnosis Suspect",
         "contract.samples": "Report Reports Sample Samples Status",
         "contract.spec": "Engine EngineSpec",
@@ -77,7 +113,6 @@ __getattr__ = lazily(
         "model.text": "dump_model load_model parse_model",
         "runtime.core": "Core",
         "runtime.fleet": "AssetEvent EventKind Fleet",
-        "runtime.monitor": "Monitor",
         "runtime.names": "find_hypothesis is_sure",
     },
 )

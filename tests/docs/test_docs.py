@@ -66,6 +66,8 @@ RECORDS = {
     "code": "model form text",
     "doctor": "version python platform compiler cache works checks group name state told advice",
     "completion": "shell text",
+    "generate": "model output target files watch_only lanes state_bytes work_bytes saved_bytes test_fault",
+    "fmu": "model output fmi token platform files watch_only",
 }
 BY_NAME = {"detectable": 1, "isolable": 2, "smallest_fault": 1, "effects": 1, "by_causality": 1, "noise": 1}
 BY_NAME |= {"other_values": 1}  # levels of keys that are names of parameters, sensors and the like

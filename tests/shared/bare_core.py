@@ -1,6 +1,7 @@
 """Cores with calls of a test's own around what their files hold, and the numbers of a state by name."""
 
 import ctypes
+import re
 import subprocess
 from dataclasses import dataclass
 from functools import cache
@@ -41,15 +42,19 @@ PARTLY = (  # a test takes a part of all; gcc guesses at -O0, and clang does not
     *("-Wno-unused-function", "-Wno-unused-const-variable", "-Wno-psabi"),
     *("-Wno-stringop-overread", "-Wno-unknown-warning-option"),
 )
-FLAGS = ("-O0", "-march=native", "-ffp-contract=off", *WARNINGS, *PARTLY, "-shared", "-fPIC", f"-I{CORE}")
+FLAGS = ("-Og", "-march=native", "-ffp-contract=off", *WARNINGS, *PARTLY, "-shared", "-fPIC", f"-I{CORE}")
 IN_C, IN_CPP = ("-x", "c", "-std=c99"), ("-x", "c++", "-std=c++17")
+# Of the core's own calls those that tests use; the others are static here, so that what only they need is not compiled.
+OFFERED = ("fb_init", "fb_field", "fb_lane", "fb_restore", "fb_state_size", "fb_work_size")
+CALL = re.compile(r"^\w+ \*?(fb_\w+)\([^;]*\);", re.MULTILINE)
 
 
 @cache
-def compiled(text: str, *options: str) -> ctypes.CDLL:
+def compiled(text: str, *options: str, offered: tuple[str, ...] = OFFERED) -> ctypes.CDLL:
     """The library of a text, such as `core_text` and `in_c`; a word of the compiler's is the failure.
 
-    options : how many lanes at a time, the language, C unless it is told, and more of optimising for what runs for long
+    options : how many lanes at a time, and the language, C unless it is told
+    offered : what of the core's own calls the library has
     """
     compiler = required_compiler()
     language = () if "-x" in options else IN_C
@@ -58,7 +63,7 @@ def compiled(text: str, *options: str) -> ctypes.CDLL:
         compiler = ("g++",)
     with TemporaryDirectory() as folder:
         source, library = Path(folder, "bare.c"), Path(folder, "bare.so")
-        source.write_text(text)
+        source.write_text(_without(offered) + text)
         command = [*compiler, *language, *FLAGS, *options, *more, str(source), "-o", str(library), "-lm"]
         done = subprocess.run(command, check=False, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
@@ -68,6 +73,13 @@ def compiled(text: str, *options: str) -> ctypes.CDLL:
 def in_c(calls: str) -> str:
     """Functions of a test's own, which are called as C in C++ too."""
     return f'#ifdef __cplusplus\nextern "C" {{\n#endif\n{calls}\n#ifdef __cplusplus\n}}\n#endif\n'
+
+
+def _without(offered: tuple[str, ...]) -> str:
+    """All other calls of the core, declared for this text alone."""
+    header = (Path(str(CORE)) / "fb.h").read_text(encoding="utf-8")
+    hidden = (found[0] for found in CALL.finditer(header) if found[1] not in offered)
+    return "#include <stdint.h>\n" + in_c("\n".join(f"static {call}" for call in hidden))
 
 
 def text_of(model: str | BondGraph, calls: str) -> tuple[EngineSpec, str]:

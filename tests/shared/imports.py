@@ -29,6 +29,7 @@ LEVELS = {
     "thesis": 7,
     "report": 8,
     "app": 9,
+    "api": 10,
     "cli": 10,
     "__main__": 11,
     "__init__": 11,

@@ -1,5 +1,6 @@
 """What the verbs do, from the command line to the files."""
 
+import io
 import json
 import subprocess
 import sys
@@ -23,6 +24,7 @@ from faultbond.io.out import Out
 from faultbond.model.text import load_model
 from faultbond.report.inventory import THRESHOLDS, LoopFound, loops_of, settings_of
 from faultbond.report.progress import progress_bar
+from faultbond.runtime.monitor import Monitor
 from faultbond.runtime.trace import Trace
 from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.specify import build_spec
@@ -449,7 +451,9 @@ def test_a_bar_is_for_files_on_a_terminal(folder: Path, monkeypatch: pytest.Monk
     """Without a terminal, or for a live stream, rows pass without a bar."""
     shown: list[int | None] = []
     monkeypatch.setattr("faultbond.report.progress.progress_bar", shown.append)
-    out = Out(text=None, json=None)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    progress(str(folder / "healthy.csv"), Out(text=None, json=None))  # asked for by a program
+    out = Out(text=io.StringIO(), json=None)
     for recording, terminal in (("-", True), (str(folder / "healthy.csv"), False), (str(folder / "healthy.csv"), True)):
         monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
         progress(recording, out)
@@ -460,7 +464,7 @@ def test_the_python_interface(folder: Path) -> None:
     """The names of the package run a recording: load, build, watch, step, finish."""
     graph = faultbond.load_model(MODEL)
     _, core = build_engine(graph)
-    monitor = faultbond.Monitor(core)
+    monitor = Monitor(core)
     reports = []
     for point in on_grid(read_rows(folder / "faulty.csv", columns_of(graph)), Grid(graph.sample_time)):
         sample = faultbond.Sample(time=point.time, dt=point.dt, u=point.u, y=point.y)

@@ -12,7 +12,7 @@ from faultbond.arrays import FloatArray
 from faultbond.errors import ModelError, StructureError
 from faultbond.io import parse_fault
 from faultbond.model.graph import BondGraph
-from faultbond.model.text import load_model
+from faultbond.model.text import load_model, parse_model
 from faultbond.simulate import Decide, Effects, Fault, Inputs, Policy, columns, fault_in_si, random_steps, simulate
 from faultbond.simulate.truth import healthy_parameters
 
@@ -227,6 +227,29 @@ def test_wrong_inputs_and_starts_are_refused(tank: BondGraph) -> None:
         simulate(tank, Inputs(time=time, values=values), start={"tanq.q": 0.05})
     with pytest.raises(ModelError, match="a curve error is given for u_inn"):
         simulate(tank, Inputs(time=time, values=values), effects=Effects(curve={"u_inn": 0.03}))
+
+
+ROOM = """name: room
+sample_time: 60 s
+inputs: {T_o: {unit: degC}}
+components:
+  outside: {type: Se, law: e = T_o}
+  wall: {type: R, law: f = UA*e, parameters: {UA: 100 W/K}}
+  room: {type: C, law: e = q/C, parameters: {C: 5e6 J/K}}
+junctions: {line: 1}
+bonds: [outside -> line -> wall, line -> room]
+sensors: {T: {reads: room.e, unit: degC, noise: 0.1 K}}
+"""
+
+
+def test_a_room_does_not_begin_at_absolute_zero() -> None:
+    """A store of heat whose start nobody knows is refused, with the option to give; then it is as warm as told."""
+    graph = parse_model(ROOM, file="room.yaml")
+    inputs = Inputs(time=np.array([0.0, 60.0]), values=np.full((2, 1), 278.15))
+    with pytest.raises(ModelError, match=r"T begins at -273\.15 degC.* start of room\.q .*`--start 'room\.q=\.\.\.'`"):
+        simulate(graph, inputs, seed=None)
+    warm = simulate(graph, inputs, seed=None, start={"room.q": 5e6 * 293.15})
+    assert warm.outputs[0, 0] == pytest.approx(293.15)
 
 
 def test_noise_has_the_declared_size(motor: BondGraph) -> None:

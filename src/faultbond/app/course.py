@@ -1,14 +1,16 @@
 """A run in progress: points pass through a method, the records come out, and what was found is kept."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from math import nan
+from typing import TypeAlias
 
 import numpy as np
 
 from faultbond.app.method_face import Watcher
 from faultbond.contract.findings import Decider, Decision, Detection, Diagnosis
-from faultbond.contract.json_records import decision_record, detection_record, diagnosis_record, end_record
+from faultbond.contract.json_records import Record, decision_record, detection_record, diagnosis_record, end_record
 from faultbond.contract.samples import STATUSES, Reports, Samples, Status
 from faultbond.errors import FaultbondError
 from faultbond.io.grid import Counts, Grid, PointBlock
@@ -17,6 +19,7 @@ from faultbond.io.saved import FoundSoFar, Saved
 from faultbond.runtime.trace import Trace
 from faultbond.types import Method, Verdict
 
+Finding: TypeAlias = Detection | Diagnosis | Decision
 TOLD = 5  # of what was accepted in runs before, the last ones are told again
 _ALARMS_ON = np.array([status in (Status.WATCHING, Status.DIAGNOSING) for status in STATUSES])
 _WAITING, _LOST, _OUTSIDE = (STATUSES.index(status) for status in (Status.WAITING, Status.LOST, Status.OUTSIDE))
@@ -24,11 +27,17 @@ _WAITING, _LOST, _OUTSIDE = (STATUSES.index(status) for status in (Status.WAITIN
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Following:
-    """How a run is followed. level: probability from which a diagnosis is accepted by rule; None: a person accepts."""
+    """How a run is followed.
+
+    level: probability from which a diagnosis is accepted by rule; None: a person accepts. hear: is given what is found.
+    document: path and text of the model file, to be kept with the run.
+    """
 
     out: Out
     trace: Trace | None = None
     level: float | None = None
+    hear: Callable[[Finding], None] | None = None
+    document: tuple[str, str] | None = None
 
 
 class Course:
@@ -46,6 +55,8 @@ class Course:
         self._watcher = watcher
         self._grid = grid
         self._out, self._trace, self._level = following.out, following.trace, following.level
+        self._document = following.document
+        self._hear = following.hear or (lambda _: None)
         self._began = before
         self.found = before.found if before is not None else FoundSoFar()
         self._seen = np.zeros(len(watcher.spec.inputs), dtype=bool)
@@ -109,20 +120,39 @@ class Course:
         last = self._watcher.finish() if self._told != self._grid.counts.samples - 1 else None
         if last is not None:
             self._out.record(diagnosis_record(last))
+            self._hear(last)
             if self._trace is not None:
                 self._trace.conclude(last)
+        self._out.record(self.end)
+
+    @property
+    def end(self) -> Record:
+        """The record of the end, as if it were now."""
         counts = self._grid.counts
-        self._out.record(
-            end_record(
-                time=self._time if counts.samples else None,
-                watched=self.found.watched,
-                detections=self.found.detections,
-                wild=self.found.wild,
-                outside=self.found.outside,
-                sensors_outside=self.found.sensors_outside,
-                **asdict(counts),
-            )
+        return end_record(
+            time=self._time if counts.samples else None,
+            watched=self.found.watched,
+            detections=self.found.detections,
+            wild=self.found.wild,
+            outside=self.found.outside,
+            sensors_outside=self.found.sensors_outside,
+            **asdict(counts),
         )
+
+    @property
+    def diagnosis(self) -> Diagnosis | None:
+        """What the candidates are now, after a detection for which nothing was accepted yet."""
+        return self._watcher.finish() if self.found.open is not None else None
+
+    def accept(self, hypothesis: int, *, repaired: bool = False) -> Decision:
+        """Take a hypothesis as the new healthy model, or as repaired, as a person did."""
+        self._accept(hypothesis, self._time, Decider.PERSON, repaired=repaired)
+        return self.found.accepted[-1]
+
+    def reject(self, hypothesis: int) -> Decision:
+        """Rule a hypothesis out, as a person did."""
+        self._reject(hypothesis)
+        return self.found.rejected[-1]
 
     def saved(self, method: Method) -> Saved | None:
         """Give the run so that it can go on; None before its first point."""
@@ -137,6 +167,7 @@ class Course:
             numbers=self._watcher.save(),
             clock=clock,
             found=self.found,
+            document=self._document,
         )
 
     @property
@@ -213,6 +244,7 @@ class Course:
     def _detected(self, detection: Detection) -> None:
         self.found = self.found.with_detection(detection)
         self._out.record(detection_record(detection))
+        self._hear(detection)
 
     def _diagnosed(self, diagnosis: Diagnosis, sample: int, *, outside: bool) -> None:
         """Write a diagnosis, and accept its best candidate if it has been sure for long enough.
@@ -220,6 +252,7 @@ class Course:
         outside: the model does not hold now, so that nothing new is known.
         """
         self._out.record(diagnosis_record(diagnosis, outside=outside))
+        self._hear(diagnosis)
         self._told = sample
         if self._level is None or outside:
             return
@@ -232,6 +265,7 @@ class Course:
         accepted = Decision(time=time, candidate=candidate, by=by, repaired=repaired)
         self.found = self.found.with_accepted(accepted)
         self._out.record(decision_record(accepted))
+        self._hear(accepted)
         if self._trace is not None:
             self._trace.accept(accepted)
 

@@ -3,28 +3,76 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from faultbond.app.engine import build_watcher
 from faultbond.app.likelihood import likelihood_engine
+from faultbond.app.model_check import write
 from faultbond.app.rows import no_time, sample_of
+from faultbond.app.section import Section
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.errors import ModelError, RecordingError
 from faultbond.io.files import replaced_text
 from faultbond.io.grid import Grid, on_grid
+from faultbond.io.memory_table import Recording
 from faultbond.io.out import Out
 from faultbond.io.recording import columns_of, read_rows
+from faultbond.model.document import ModelFile, read_document
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.types import STEP, TimeGrid
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def _silent(_: str) -> None:
+    """Tell nobody."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Identified:
+    """A model that was fitted. text: of the model file with what was found."""
+
+    graph: BondGraph
+    fitted: Any
+    quieted: Any
+    text: str
+
+    def records(self, output: Path | None = None) -> list[dict[str, object]]:
+        """Give the records; `output` is the model file that was written."""
+        from faultbond.report.fit_result import fit_record  # noqa: PLC0415 - loads rich
+
+        found = [fit_record(self.fitted, output)]
+        if self.quieted is not None:
+            from faultbond.report.quiet_result import quiet_record  # noqa: PLC0415 - loads rich
+
+            found.append(quiet_record(self.quieted))
+        return found
+
+    def show(self, console: "Console", output: Path | None = None) -> None:
+        """Print what was found."""
+        from faultbond.report.fit_result import print_fit  # noqa: PLC0415 - loads rich
+
+        print_fit(console, self.fitted, output)
+        if self.quieted is not None:
+            from faultbond.report.quiet_result import print_quiet  # noqa: PLC0415 - loads rich
+
+            print_quiet(console, self.graph, self.quieted)
+
+    def page(self) -> str:
+        """Give the report, a page of HTML."""
+        from faultbond.report.fit_page import render_fit  # noqa: PLC0415 - loads jinja2
+
+        return str(render_fit(self.fitted))
+
 
 def fit(
-    model: Path,
-    recordings: tuple[str, ...],
+    model: ModelFile,
+    recordings: tuple[Recording, ...],
     *,
     wishes: FitWishes,
     output: Path | None,
@@ -32,45 +80,54 @@ def fit(
     out: Out,
 ) -> None:
     """Fit a model to healthy recordings and write the model file that follows from them."""
-    graph = load_model(model)
-    _refuse(graph, recordings)
-    read = tuple((name, read_points(graph, name)) for name in recordings)
-    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
-
-    from faultbond.report.fit_result import fit_record, print_fit  # noqa: PLC0415 - loads rich
-
-    text = model.read_text(encoding="utf-8")
-    with (
-        threadpool_limits(1),
-        _waiting(long=wishes.until_quiet) as status,
-    ):  # matrices are small here, and threads would only wait
-        quieted = _quieted(text, graph, read, wishes, status) if wishes.until_quiet else None
-        fitted = _fitted(graph, read, wishes, status) if quieted is None else quieted.fitted
+    with _waiting(long=wishes.until_quiet) as status:
+        found = identified(model, recordings, wishes=wishes, tell=status)
     refused: OSError | None = None
     try:
         if output is not None:
-            _write(output, fitted.model_text(text) if quieted is None else quieted.text)
+            _write(output, found.text)
     except OSError as error:  # what was found is told all the same
         output, refused = None, error
-    out.record(fit_record(fitted, output))
-    if quieted is not None:
-        from faultbond.report.quiet_result import print_quiet, quiet_record  # noqa: PLC0415 - loads rich
-
-        out.record(quiet_record(quieted))
+    for record in found.records(output):
+        out.record(record)
     if out.text is not None:
         from rich.console import Console  # noqa: PLC0415 - slow to load
 
-        console = Console(file=out.text)
-        print_fit(console, fitted, output)
-        if quieted is not None:
-            print_quiet(console, graph, quieted)
+        found.show(Console(file=out.text), output)
     if report is not None:
-        from faultbond.report.fit_page import render_fit  # noqa: PLC0415 - loads jinja2
-
-        _write(report, render_fit(fitted))
+        _write(report, found.page())
         out.say(f"Report: {report}")
     if refused is not None:
         raise refused
+
+
+def identified(
+    model: ModelFile,
+    recordings: tuple[Recording, ...],
+    *,
+    wishes: FitWishes,
+    tell: Callable[[str], None] = _silent,
+) -> Identified:
+    """Fit a model to healthy recordings.
+
+    Parameters
+    ----------
+    model : the model file
+    recordings : healthy recordings
+    wishes : what is to be fitted, and how
+    tell : is told what is being done
+    """
+    document = read_document(model)
+    graph = load_model(document)
+    _refuse(graph, recordings)
+    read = tuple((str(name), read_points(graph, name)) for name in recordings)
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
+
+    with threadpool_limits(1):  # matrices are small here, and threads would only wait
+        quieted = _quieted(document.text, graph, read, wishes, tell) if wishes.until_quiet else None
+        fitted = _fitted(graph, read, wishes, tell) if quieted is None else quieted.fitted
+    text = fitted.model_text(document.text) if quieted is None else quieted.text
+    return Identified(graph=graph, fitted=fitted, quieted=quieted, text=text)
 
 
 def _fitted(
@@ -114,7 +171,20 @@ def _write(path: Path, text: str) -> None:
         stream.write(text)
 
 
-def check_data(model: Path, recordings: tuple[str, ...], *, promise: float | None, out: Out) -> None:
+def check_data(model: ModelFile, recordings: tuple[Recording, ...], *, promise: float | None, out: Out) -> None:
+    """Put a model on trial on healthy recordings, and tell what it gets wrong; see `tried`."""
+    with _waiting() as status:
+        found = tried(model, recordings, promise=promise, tell=status)
+    write(found, out)
+
+
+def tried(
+    model: ModelFile,
+    recordings: tuple[Recording, ...],
+    *,
+    promise: float | None = None,
+    tell: Callable[[str], None] = _silent,
+) -> Section:
     """Put a model on trial on healthy recordings: what it gets wrong, and what it must declare.
 
     Parameters
@@ -122,31 +192,27 @@ def check_data(model: Path, recordings: tuple[str, ...], *, promise: float | Non
     model : the model file
     recordings : healthy recordings
     promise : seconds between false alarms that are wanted at least; None: as the model file says, else 30 days
-    out : where to write
+    tell : is told what is being done
     """
     graph = load_model(model)
     _refuse(graph, recordings)
-    read = tuple((name, read_points(graph, name)) for name in recordings)
+    read = tuple((str(name), read_points(graph, name)) for name in recordings)
     from faultbond.fit.pace import slower_step  # noqa: PLC0415 - loads casadi
     from faultbond.fit.samples import healthy_recording  # noqa: PLC0415 - loads casadi
     from faultbond.fit.trial import MONTH, on_trial  # noqa: PLC0415 - loads scipy
     from faultbond.report.health import health_record, print_health  # noqa: PLC0415 - loads rich
     from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
 
-    with _waiting() as status:
-        core = build_watcher(graph)
-        status("watching the recordings")
-        records = tuple(healthy_recording(name, points, core) for name, points in read)
-        found = on_trial(core, records, promise or graph.time_between_false_alarms or MONTH)
-        slower = slower_step(build_model(graph), [item.u for item in records])
-    out.record(health_record(graph, core.spec, found, slower))
-    if out.text is not None:
-        from rich.console import Console  # noqa: PLC0415 - slow to load
-
-        print_health(Console(file=out.text), graph, found, slower)
+    core = build_watcher(graph)
+    tell("watching the recordings")
+    records = tuple(healthy_recording(name, points, core) for name, points in read)
+    found = on_trial(core, records, promise or graph.time_between_false_alarms or MONTH)
+    slower = slower_step(build_model(graph), [item.u for item in records])
+    record = health_record(graph, core.spec, found, slower)
+    return Section(record=record, show=lambda console: print_health(console, graph, found, slower))
 
 
-def read_points(graph: BondGraph, recording: str) -> list[Sample]:
+def read_points(graph: BondGraph, recording: Recording) -> list[Sample]:
     """Give the grid points of a recording.
 
     Raises
@@ -161,7 +227,7 @@ def read_points(graph: BondGraph, recording: str) -> list[Sample]:
     return points
 
 
-def _refuse(graph: BondGraph, recordings: tuple[str, ...]) -> None:
+def _refuse(graph: BondGraph, recordings: tuple[Recording, ...]) -> None:
     """Refuse what cannot be fitted."""
     if graph.grid is TimeGrid.NONE:
         problem = "with `sample_time: none` there is no course in time to fit; `run` solves the parameters of each row"

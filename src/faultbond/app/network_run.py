@@ -7,15 +7,18 @@ from hashlib import sha256
 from importlib.metadata import version
 from math import nan
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
 from faultbond.app.signals import Stopping
+from faultbond.app.wishes import Wanted
 from faultbond.contract.findings import Detection, Diagnosis
 from faultbond.contract.json_records import detection_record, diagnosis_record, end_record, run_record
 from faultbond.errors import ModelError, RecordingError
 from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.grid import Counts, Grid, GridPoint, on_grid
+from faultbond.io.memory_table import MemoryTable, Recording
 from faultbond.io.out import Out
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
@@ -23,7 +26,7 @@ from faultbond.model.logic import LogicNetwork, TimedObservation
 from faultbond.networks.logic.dxc import read_circuit, read_scenario
 from faultbond.types import Method, Verdict
 
-Event = Detection | Diagnosis
+_Event = Detection | Diagnosis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,15 +48,78 @@ class _Ending:
     time: float
 
 
-def run_circuit(circuit: Path, scenario: str, *, method: Method, report: Path | None, out: Out) -> Verdict:
-    """Diagnose the observations of a logic circuit, and give the verdict."""
-    _refuse_report(report, str(circuit))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetworkRun:
+    """A run on a network without time that is over; there is nothing in it to draw.
+
+    diagnosis: the last one, with all smallest diagnoses of all rows since the detection.
+    """
+
+    _about: _Network
+    _end: _Ending
+    detection: Detection | None = None
+    diagnosis: Diagnosis | None = None
+
+    @property
+    def verdict(self) -> Verdict:
+        """What it says of the network."""
+        if self.detection is not None:
+            return Verdict.FAULT
+        return Verdict.NONE if self.no_verdict else Verdict.HEALTHY
+
+    @property
+    def no_verdict(self) -> str:
+        """Why it says nothing; empty where it does."""
+        return "" if self._end.watched else "no row has a value of a sensor"
+
+    @property
+    def record(self) -> dict[str, object]:
+        """The record of its end."""
+        return _end_of(self._end, self.detection)
+
+    def tell(self, report: Path | None, out: Out) -> None:
+        """Print what was found, where somebody reads it; of a report, see `refuse_report`."""
+        refuse_report(report, self._about.name)
+        if self.no_verdict and not (out.text is not None and out.text.isatty()):  # there the text says it
+            sys.stderr.write(f"faultbond: no verdict: {self.no_verdict}.\n")
+        if out.text is not None:
+            self.show(out.text)
+
+    def show(self, stream: TextIO) -> None:
+        """Print what was found."""
+        from rich.console import Console  # noqa: PLC0415 - slow to load
+
+        from faultbond.report.observed import Observed, print_observed  # noqa: PLC0415 - loads rich
+
+        seen = Observed(
+            name=self._about.name,
+            sensors=self._about.sensors,
+            rows=self._end.counts.samples,
+            watched=self._end.watched,
+            detection=self.detection,
+            diagnosis=self.diagnosis,
+            graph=self._about.graph,
+        )
+        print_observed(Console(file=stream), seen)
+
+
+def watch_circuit(circuit: Path, scenario: Recording, *, wanted: Wanted, out: Out) -> NetworkRun:
+    """Diagnose the observations of a logic circuit.
+
+    Raises
+    ------
+    RecordingError
+        Where they are not in a file.
+    """
+    refuse_report(wanted.report, str(circuit))
+    if isinstance(scenario, MemoryTable):
+        raise RecordingError(f"{scenario}: a logic circuit takes its observations from a file. Give the path of it.")
     from faultbond.networks.logic.hypotheses import watch_logic  # noqa: PLC0415 - loads clingo
 
     network, rows = read_circuit(circuit), read_scenario(scenario).observations
     about = _Network(name=network.name, sha256=sha256(circuit.read_bytes()).hexdigest(), sensors=network.outputs)
     out.settle()  # all is read
-    return _pass(about, watch_logic(network, rows), lambda: _ending_of(network, rows), method, out)
+    return _pass(about, watch_logic(network, rows), lambda: _ending_of(network, rows), wanted.method, out)
 
 
 def _ending_of(network: LogicNetwork, rows: tuple[TimedObservation, ...]) -> _Ending:
@@ -64,13 +130,13 @@ def _ending_of(network: LogicNetwork, rows: tuple[TimedObservation, ...]) -> _En
     return _Ending(counts=Counts(samples=len(rows), missing=missing), watched=watched, time=rows[-1].time)
 
 
-def run_static(graph: BondGraph, recording: str, *, method: Method, report: Path | None, out: Out) -> Verdict:
-    """Diagnose the observations of a static network, and give the verdict."""
-    _refuse_report(report, graph.file)
+def watch_static(graph: BondGraph, recording: Recording, *, wanted: Wanted, out: Out) -> NetworkRun:
+    """Diagnose the observations of a static network."""
+    refuse_report(wanted.report, graph.file)
     from faultbond.networks.detection import watch  # noqa: PLC0415 - loads sympy and clingo
 
     stopping = Stopping()
-    grid, last, watched = Grid(None, live=recording == STANDARD_INPUT, steady=True), nan, 0
+    grid, last, watched = Grid(None, live=str(recording) == STANDARD_INPUT, steady=True), nan, 0
 
     def points() -> Iterator[GridPoint]:
         nonlocal last, watched
@@ -89,11 +155,13 @@ def run_static(graph: BondGraph, recording: str, *, method: Method, report: Path
         name=graph.name, sha256=graph.sha256, sensors=tuple(item.name for item in graph.sensors), graph=graph
     )
     with stopping:
-        return _pass(about, watch(graph, points()), ending, method, out)
+        return _pass(about, watch(graph, points()), ending, wanted.method, out)
 
 
-def _pass(about: _Network, events: Iterable[Event], ending: Callable[[], _Ending], method: Method, out: Out) -> Verdict:
-    """Write the records as they come, and the last diagnosis for people."""
+def _pass(
+    about: _Network, events: Iterable[_Event], ending: Callable[[], _Ending], method: Method, out: Out
+) -> NetworkRun:
+    """Write the records as they come."""
     out.record(
         run_record(
             model=about.name,
@@ -115,55 +183,35 @@ def _pass(about: _Network, events: Iterable[Event], ending: Callable[[], _Ending
                 out.record(diagnosis_record(event))
     except KeyboardInterrupt:
         out.settle()
-        _end(ending(), detection, out)
+        out.record(_end_of(ending(), detection))
         raise
-    end = ending()
-    _end(end, detection, out)
-    if not end.watched and not (out.text is not None and out.text.isatty()):  # there the text says it
-        sys.stderr.write("faultbond: no verdict: no row has a value of a sensor.\n")
-    _tell(about, end, detection, diagnosis, out)
-    if detection is not None:
-        return Verdict.FAULT
-    return Verdict.HEALTHY if end.watched else Verdict.NONE
+    run = NetworkRun(_about=about, _end=ending(), detection=detection, diagnosis=diagnosis)
+    out.record(run.record)
+    return run
 
 
-def _end(end: _Ending, detection: Detection | None, out: Out) -> None:
-    """Write the last record."""
-    out.record(
-        end_record(
-            time=end.time,
-            samples=end.counts.samples,
-            watched=end.watched,
-            detections=int(detection is not None),
-            missing=end.counts.missing,
-            late=end.counts.late,
-            duplicate=end.counts.duplicate,
-            untimed=end.counts.untimed,
-            saturated=end.counts.saturated,
-        )
-    )
-
-
-def _tell(about: _Network, end: _Ending, detection: Detection | None, diagnosis: Diagnosis | None, out: Out) -> None:
-    """Print what was found, where somebody reads it."""
-    if out.text is None:
-        return
-    from rich.console import Console  # noqa: PLC0415 - slow to load
-
-    from faultbond.report.observed import Observed, print_observed  # noqa: PLC0415 - loads rich
-
-    seen = Observed(
-        name=about.name,
-        sensors=about.sensors,
-        rows=end.counts.samples,
+def _end_of(end: _Ending, detection: Detection | None) -> dict[str, object]:
+    """Give the last record."""
+    return end_record(
+        time=end.time,
+        samples=end.counts.samples,
         watched=end.watched,
-        detection=detection,
-        diagnosis=diagnosis,
-        graph=about.graph,
+        detections=int(detection is not None),
+        missing=end.counts.missing,
+        late=end.counts.late,
+        duplicate=end.counts.duplicate,
+        untimed=end.counts.untimed,
+        saturated=end.counts.saturated,
     )
-    print_observed(Console(file=out.text), seen)
 
 
-def _refuse_report(report: Path | None, model: str) -> None:
+def refuse_report(report: Path | None, model: str) -> None:
+    """Refuse a report of a network.
+
+    Raises
+    ------
+    ModelError
+        Where one is asked for.
+    """
     if report is not None:
         raise ModelError(f"{model}: a network without time has no curves to draw; leave out --report")

@@ -8,7 +8,7 @@ from faultbond.app.wishes import Wanted
 from faultbond.io.cache import loadable
 from faultbond.io.prepared import Identity, Prepared, code_identity, read_prepared
 from faultbond.io.recording import Columns, columns_of
-from faultbond.model.document import ModelDocument, read_document
+from faultbond.model.document import ModelDocument, ModelFile, read_document
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.core import Core, load_core
 from faultbond.types import Method
@@ -36,12 +36,17 @@ class WatchedPlant:
         return parse_model(self._document.text, file=self._document.label)
 
     @property
+    def document(self) -> tuple[str, str]:
+        """The path and the text of its model file."""
+        return self._document.label, self._document.text
+
+    @property
     def columns(self) -> Columns:
         """What to read of a recording."""
         return columns_of(self.graph) if self.prepared is None else self.prepared.columns
 
 
-def find_plant(model: Path, wanted: Wanted) -> WatchedPlant:
+def find_plant(model: ModelFile, wanted: Wanted) -> WatchedPlant:
     """Read a model file, and look for what is known of it.
 
     Raises

@@ -1,12 +1,13 @@
 """`run` on a plant in time: every sample passes the monitor."""
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any, TextIO
 
-from faultbond.app.course import Course, Following
+from faultbond.app.course import Course, Finding, Following
 from faultbond.app.kept_run import Keeper, read_before, stamp_of
 from faultbond.app.method_face import Watcher
 from faultbond.app.methods import build_method, prepared_bank
@@ -14,11 +15,13 @@ from faultbond.app.plant import WatchedPlant
 from faultbond.app.rows import begun, no_time, portions, progress
 from faultbond.app.signals import Stopping
 from faultbond.app.wishes import Wanted
+from faultbond.contract.findings import History
 from faultbond.contract.json_records import run_record
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import GenerationError, RecordingError
 from faultbond.io.files import STANDARD_INPUT, replaced_text
 from faultbond.io.grid import Grid, GridPoint, PointBlock, RowBlock, blocks_of_points
+from faultbond.io.memory_table import Recording
 from faultbond.io.out import Out
 from faultbond.io.recording import Columns, read_blocks
 from faultbond.io.saved import Saved
@@ -26,8 +29,85 @@ from faultbond.runtime.trace import Trace
 from faultbond.types import Method, Verdict
 
 
-def run_plant(plant: WatchedPlant, recording: str, *, wanted: Wanted, out: Out) -> Verdict:
-    """Watch a recording of a plant in time, and give the verdict.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlantRun:
+    """A run on a plant in time that is over. trace: what it saw, None where nobody asked for it."""
+
+    plant: WatchedPlant
+    watcher: Watcher
+    course: Course
+    trace: Trace | None
+
+    @property
+    def verdict(self) -> Verdict:
+        """What it says of the plant."""
+        return self.course.verdict
+
+    @property
+    def no_verdict(self) -> str:
+        """Why it says nothing; empty where it does."""
+        return self.course.no_verdict()
+
+    def tell(self, report: Path | None, out: Out) -> None:
+        """Say what was found, and on standard error that nothing can be said, where the text does not."""
+        if self.no_verdict and not (out.text is not None and out.text.isatty()):
+            sys.stderr.write(f"faultbond: no verdict: {self.no_verdict}.\n")
+        if self.trace is None:
+            return
+        if out.text is not None:
+            try:
+                self.show(out.text)
+            except BrokenPipeError:
+                raise
+            except OSError as error:  # the exit code and the report still come
+                out.lose_text(error)
+        if report is not None:
+            page = self.page()
+            try:
+                with replaced_text(report) as stream:
+                    stream.write(page)
+            except OSError as error:  # the verdict stands all the same
+                out.warn(f"{report}: the report cannot be written: {error.strerror or error}.")
+                return
+            out.say(f"Report: {report}")
+
+    def show(self, stream: TextIO) -> None:
+        """Print what was found."""
+        from rich.console import Console  # noqa: PLC0415 - slow to load
+
+        from faultbond import report as pages  # noqa: PLC0415 - loads rich and jinja2
+
+        untested, counts = pages.unfalsifiable_text(self.watcher.spec), self._counts()
+        history, title = self._history(), self.watcher.title
+        console = Console(file=stream)
+        pages.print_diagnosis(console, self.plant.graph, history, engine_title=title, counts=counts, untested=untested)
+
+    def page(self) -> str:
+        """Give the report, a page of HTML."""
+        from faultbond import report as pages  # noqa: PLC0415 - loads rich and jinja2
+        from faultbond.equations.causality import assign_causality  # noqa: PLC0415
+
+        graph, spec = self.plant.graph, self.watcher.spec
+        strokes = dict(assign_causality(graph).strokes)
+        return pages.render_report(graph, self._history(), strokes, self.watcher.title, spec.version, self._counts())
+
+    def _history(self) -> History:
+        if self.trace is None:
+            raise ValueError("nobody asked for what the run saw")
+        return self.trace.history()
+
+    def _counts(self) -> Any:
+        from faultbond.report import RunCounts  # noqa: PLC0415 - not all need it
+
+        course = self.course
+        more = {"wild": course.wild, "outside": course.outside, "sensors_outside": course.sensors_outside}
+        return RunCounts(**asdict(course.counts), **more, no_verdict=self.no_verdict)
+
+
+def watch_plant(
+    plant: WatchedPlant, recording: Recording, *, wanted: Wanted, out: Out, curves: bool = True
+) -> PlantRun:
+    """Watch a recording of a plant in time, and write the records as they come; see `any_run.watch_any`.
 
     Raises
     ------
@@ -36,34 +116,69 @@ def run_plant(plant: WatchedPlant, recording: str, *, wanted: Wanted, out: Out) 
     """
     stamp = stamp_of(wanted.state)
     before = read_before(wanted.state, plant.graph, wanted.method) if wanted.state is not None else None
-    live = recording == STANDARD_INPUT
-    blocks = read_blocks(recording, _columns(plant, before))
+    live = str(recording) == STANDARD_INPUT
+    blocks = read_blocks(recording, columns_after(plant, before))
     if not live:
         blocks = begun(blocks, recording)  # a wrong file is refused before the engine is built
     with progress(recording, out) as follow:
-        watcher = _watcher(plant, wanted, before)
-        grid = Grid(
-            watcher.spec.sample_time,
-            live=live,
-            noise=[item.noise for item in watcher.spec.outputs],
-            clock=before.clock if before else None,
-            row_time=watcher.spec.row_time,
-            held=[not item.linear for item in watcher.spec.inputs],
-        )
-        curves = wanted.report is not None
-        trace = Trace(watcher.spec, curves=curves, lag=watcher.lag) if curves or out.text is not None else None
-        course = Course(watcher, grid, Following(out=out, trace=trace, level=wanted.accept), before)
-        records = before.records if before else None
+        begun_run = begin(plant, wanted, before, out=out, live=live, curves=curves)
+        run, grid = begun_run.run, begun_run.grid
+        course, records = run.course, before.records if before else None
         if before is not None:
             out.go_on(records)
-        out.record(_run_record(watcher.spec, wanted.method, before))
+        out.record(_run_record(run.watcher.spec, wanted.method, before))
         keeper = Keeper(wanted.state, course, wanted.method, out, records, stamp) if wanted.state else None
         _pass(course, follow(portions(blocks)), grid, keeper, out, live=live)
     if not course.counts.samples:
         passed = course.counts.duplicate and before
         raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording))
-    _conclude(plant, watcher, course, trace, wanted, out)
-    return course.verdict
+    return run
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BegunRun:
+    """A run before its first row, and the grid that rows are put on."""
+
+    run: PlantRun
+    grid: Grid
+
+
+def begin(
+    plant: WatchedPlant,
+    wanted: Wanted,
+    before: Saved | None,
+    *,
+    out: Out,
+    live: bool,
+    curves: bool,
+    hear: Callable[[Finding], None] | None = None,
+) -> BegunRun:
+    """Make a run ready for its first row.
+
+    Parameters
+    ----------
+    plant : what is watched
+    wanted : how
+    before : the run that this one goes on from
+    out : where the records go
+    live : whether rows are to be answered at once
+    curves : whether all samples are kept; else what people are told in words, where somebody reads it
+    hear : is given what is found
+    """
+    watcher = _watcher(plant, wanted, before)
+    spec = watcher.spec
+    grid = Grid(
+        spec.sample_time,
+        live=live,
+        noise=[item.noise for item in spec.outputs],
+        clock=before.clock if before else None,
+        row_time=spec.row_time,
+        held=[not item.linear for item in spec.inputs],
+    )
+    trace = Trace(spec, curves=curves, lag=watcher.lag) if curves or out.text is not None else None
+    following = Following(out=out, trace=trace, level=wanted.accept, hear=hear, document=plant.document)
+    course = Course(watcher, grid, following, before)
+    return BegunRun(run=PlantRun(plant=plant, watcher=watcher, course=course, trace=trace), grid=grid)
 
 
 def _watcher(plant: WatchedPlant, wanted: Wanted, before: Saved | None) -> Watcher:
@@ -75,8 +190,8 @@ def _watcher(plant: WatchedPlant, wanted: Wanted, before: Saved | None) -> Watch
     return build_method(plant.graph, wanted.method, numbers, plant.identity)
 
 
-def _columns(plant: WatchedPlant, before: Saved | None) -> Columns:
-    """Give the columns to read; without a time column the clock goes on from the run before."""
+def columns_after(plant: WatchedPlant, before: Saved | None) -> Columns:
+    """Give the columns to read after another run; without a time column the clock goes on from the run before."""
     columns = plant.columns
     if before is None:
         return columns
@@ -95,7 +210,7 @@ def _run_record(spec: EngineSpec, method: Method, before: Saved | None) -> dict[
     )
 
 
-def _nothing_new(recording: str, before: Saved) -> str:
+def _nothing_new(recording: Recording, before: Saved) -> str:
     return (
         f"{recording}: no row is later than {before.clock.last_time:.15g} s, where the saved run ended. "
         "Give a recording that goes on from there, or another state file."
@@ -167,47 +282,3 @@ def _take_to_alarm(course: Course, rows: RowBlock, grid: Grid, out: Out) -> int:
         n_rows, n_points, rest = n_rows + 1, n_points - len(again), again[n_points:]
     _take(course, blocks_of_points(rest), out)
     return n_rows
-
-
-def _conclude(
-    plant: WatchedPlant, watcher: Watcher, course: Course, trace: Trace | None, wanted: Wanted, out: Out
-) -> None:
-    """Say what was found, and on standard error that nothing can be said, where the text does not."""
-    reason = course.no_verdict()
-    if reason and not (out.text is not None and out.text.isatty()):
-        sys.stderr.write(f"faultbond: no verdict: {reason}.\n")
-    if trace is not None:
-        _tell(plant, watcher, course, trace, wanted.report, out)
-
-
-def _tell(plant: WatchedPlant, watcher: Watcher, course: Course, trace: Trace, report: Path | None, out: Out) -> None:
-    """Print the result, and write the report where one is asked for."""
-    from rich.console import Console  # noqa: PLC0415 - slow to load
-
-    from faultbond import report as pages  # noqa: PLC0415 - loads rich and jinja2
-
-    graph = plant.graph
-    more = {"wild": course.wild, "outside": course.outside, "sensors_outside": course.sensors_outside}
-    counts = pages.RunCounts(**asdict(course.counts), **more, no_verdict=course.no_verdict())
-    history, title = trace.history(), watcher.title
-    if out.text is not None:
-        console = Console(file=out.text)
-        untested = pages.unfalsifiable_text(watcher.spec)
-        try:
-            pages.print_diagnosis(console, graph, history, engine_title=title, counts=counts, untested=untested)
-        except BrokenPipeError:
-            raise
-        except OSError as error:  # the exit code and the report still come
-            out.lose_text(error)
-    if report is not None:
-        from faultbond.equations.causality import assign_causality  # noqa: PLC0415
-
-        strokes = dict(assign_causality(graph).strokes)
-        page = pages.render_report(graph, history, strokes, title, watcher.spec.version, counts)
-        try:
-            with replaced_text(report) as stream:
-                stream.write(page)
-        except OSError as error:  # the verdict stands all the same
-            out.warn(f"{report}: the report cannot be written: {error.strerror or error}.")
-            return
-        out.say(f"Report: {report}")

@@ -10,10 +10,12 @@ from faultbond.app.likelihood import likelihood_engine
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
+from faultbond.fit.cure import cured, strayed
 from faultbond.fit.foothold import Footing, as_found
 from faultbond.fit.healthy_changes import healthy_changes
+from faultbond.fit.held_back import Recordings, parted
 from faultbond.fit.identification import Prior, fit_plant
-from faultbond.fit.quiet_search import ROUNDS, Recordings, Search, Tell, parted, values_of
+from faultbond.fit.quiet_search import ROUNDS, Search, Tell, values_of
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.session import build_fit, free_parameters
 from faultbond.fit.trial import MONTH, ROOM, WIDEST, Health, alarms_of, enough, on_trial, stays_below
@@ -139,18 +141,27 @@ def _searched(
 ) -> tuple[Attempt, Footing, int]:
     """Add one thing after the other until it is quiet or nothing gains."""
     tried: Attempt | None = None
+    none = Prior(wishes.prior) is Prior.NONE
+    asked = {item.name for item in graph.parameters} if none else set[str]()  # parameters that may stray
     for rounds in range(ROUNDS + 1):
         if _seems_quiet(stand, read, tell):
             tried = _attempt(stand, text, graph, read, wishes, tell)
             if tried.quiet:
                 return tried, stand, rounds
-        better = search.better(stand) if rounds < ROUNDS else None
+        better = _next(search, stand, asked) if rounds < ROUNDS else None
         if better is None:
             break
         new, gain = better.added[len(stand.added) :], better.held - stand.held
         stand, tried = better, None
         tell(f"added: {', '.join(item.what.words for item in new)}; what was held back gains {gain:.0f} nats")
     return tried or _attempt(stand, text, graph, read, wishes, tell), stand, rounds
+
+
+def _next(search: Search, stand: Footing, asked: set[str]) -> Footing | None:
+    """Give where the next thing leads: what explains why parameters stray, else what foretells best."""
+    names = strayed(search, stand) - asked
+    asked |= names
+    return (cured(search, stand) if names else None) or search.better(stand)
 
 
 def _seems_quiet(stand: Footing, read: Recordings, tell: Tell) -> bool:

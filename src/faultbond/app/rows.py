@@ -11,6 +11,7 @@ from faultbond.contract.samples import Sample
 from faultbond.errors import RecordingError
 from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.grid import MAX_BLOCK, GridPoint, RowBlock
+from faultbond.io.memory_table import MemoryTable, Recording
 from faultbond.io.out import Out
 
 FIRST = 50  # rows by which the order of a recording is judged
@@ -21,7 +22,7 @@ PORTION = 256  # rows, to begin with
 Follow = Callable[[Iterable[RowBlock]], Iterable[RowBlock]]
 
 
-def no_time(recording: str) -> str:
+def no_time(recording: Recording) -> str:
     """Say that a recording has no time."""
     return (
         f"{recording}: no row has a time that can be read, before the year 9999. "
@@ -29,7 +30,7 @@ def no_time(recording: str) -> str:
     )
 
 
-def begun(blocks: Iterator[RowBlock], recording: str) -> Iterator[RowBlock]:
+def begun(blocks: Iterator[RowBlock], recording: Recording) -> Iterator[RowBlock]:
     """Read the first rows now.
 
     Raises
@@ -45,8 +46,9 @@ def begun(blocks: Iterator[RowBlock], recording: str) -> Iterator[RowBlock]:
     earliest = accumulate(times, min)
     back = [line for before, time, line in zip(earliest, times[1:], lines[1:], strict=False) if time < before]
     if 2 * len(back) > len(times):
+        where = f"{recording}: {'row' if isinstance(recording, MemoryTable) else 'line'} {back[0]}"
         raise RecordingError(
-            f"{recording}: line {back[0]}: most rows are earlier than all before, so hardly any are of use. "
+            f"{where}: most rows are earlier than all before, so hardly any are of use. "
             "Sort them by time, or check the column of `time`."
         )
     return chain(first, blocks)
@@ -72,13 +74,14 @@ def sample_of(point: GridPoint) -> Sample:
     return Sample(time=point.time, dt=point.dt, u=point.u, y=point.y)
 
 
-def progress(recording: str, out: Out) -> AbstractContextManager[Follow]:
+def progress(recording: Recording, out: Out) -> AbstractContextManager[Follow]:
     """Give a progress bar for a file where somebody sees it."""
-    if recording == STANDARD_INPUT or out.is_mixed or not sys.stderr.isatty():
+    unseen = isinstance(recording, MemoryTable) or out.is_silent or out.is_mixed or not sys.stderr.isatty()
+    if unseen or str(recording) == STANDARD_INPUT:
         return nullcontext(iter)
     from faultbond.report.progress import progress_bar  # noqa: PLC0415 - loads rich
 
-    return progress_bar(_count_lines(Path(recording)))
+    return progress_bar(_count_lines(Path(str(recording))))
 
 
 def _count_lines(path: Path) -> int | None:

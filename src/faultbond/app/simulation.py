@@ -2,21 +2,25 @@
 
 import secrets
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.wishes import Imperfections
+from faultbond.arrays import FloatArray
 from faultbond.contract.core_settings import core_settings
 from faultbond.errors import ModelError, RecordingError
 from faultbond.io.faults import FaultRequest
 from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.grid import Grid, GridPoint, on_grid
+from faultbond.io.memory_table import Recording
 from faultbond.io.out import Out
 from faultbond.io.recording import columns_of, read_rows, write_recording
+from faultbond.model.document import ModelFile
 from faultbond.model.graph import BondGraph
 from faultbond.model.row_means import of_rows
 from faultbond.model.text import load_model
@@ -25,10 +29,27 @@ from faultbond.runtime.monitor import Monitor
 START_POINTS = int(core_settings()["START_SAMPLES"]) - 1  # that tell a start
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Simulated:
+    """A recording of a simulated plant. held: samples that lacked an input. start: of states, SI."""
+
+    graph: BondGraph
+    simulation: Any
+    seed: int
+    held: int
+    start: Mapping[str, float]
+
+    def columns(self) -> dict[str, FloatArray]:
+        """Give its columns by header, (n_rows,) each, in the units of the model file."""
+        from faultbond.simulate import columns  # noqa: PLC0415 - loads casadi and scipy
+
+        return dict(columns(self.graph, self.simulation, digits=9))
+
+
 def simulate(
-    model: Path,
+    model: ModelFile,
     *,
-    inputs: str,
+    inputs: Recording,
     faults: tuple[FaultRequest, ...],
     seed: int | None,
     noise: bool,
@@ -37,48 +58,20 @@ def simulate(
     output: Path,
     out: Out,
 ) -> None:
-    """Write a recording of the simulated plant; `inputs` is a path or `-`, `start` gives SI values by state.
-
-    noise: whether sensors and inputs scatter as the model declares
-
-    Raises
-    ------
-    ModelError
-        Where something is to wander, and nothing does.
-    """
-    means = load_model(model)
-    if imperfections.wander and not means.wanders:
-        problem = "nothing wanders in it; state how far and how long, such as `wander: 3 % over 6 h` of a parameter"
-        raise ModelError(f"{means.file}: {problem}, or leave out --wander")
-    graph = of_rows(means)
-    points, held = _inputs(graph, inputs)
-    begin = {**solved_start(means, inputs), **start}
-    from faultbond import simulate as plant  # noqa: PLC0415 - loads casadi and scipy
-
-    seed = secrets.randbelow(2**31) if seed is None else seed
-    simulation = plant.simulate(
-        graph,
-        plant.Inputs(time=np.array([point.time for point in points]), values=np.array([point.u for point in points])),
-        [plant.fault_in_si(fault, graph) for fault in faults],
-        seed=seed,
-        noise=noise,
-        effects=plant.Effects(
-            spread=imperfections.spread,
-            lag=imperfections.lag,
-            curve=imperfections.curve,
-            wander=imperfections.wander,
-        ),
-        start=begin,
+    """Write a recording of the simulated plant; see `simulated`."""
+    found = simulated(
+        model, inputs=inputs, faults=faults, seed=seed, noise=noise, imperfections=imperfections, start=start
     )
-    write_recording(output, plant.columns(graph, simulation, digits=9))
-    rows = len(simulation.time)
+    write_recording(output, found.columns())
+    times, begin, held = found.simulation.time, found.start, found.held
+    rows = len(times)
     out.record(
-        {"record": "simulate", "model": graph.name, "output": str(output), "samples": rows, "seed": seed}
+        {"record": "simulate", "model": found.graph.name, "output": str(output), "samples": rows, "seed": found.seed}
         | {"noise": noise, "held": held, "start": begin}
     )
-    drawn = f"; seed {seed}" if noise or imperfections.spread or imperfections.wander else ""
+    drawn = f"; seed {found.seed}" if noise or imperfections.spread or imperfections.wander else ""
     quiet = "" if noise else "; no noise"
-    out.say(f"{output}: {rows} rows, {simulation.time[0]:.9g} s to {simulation.time[-1]:.9g} s{drawn}{quiet}")
+    out.say(f"{output}: {rows} rows, {times[0]:.9g} s to {times[-1]:.9g} s{drawn}{quiet}")
     for name, value in begin.items():
         source = "as given" if name in start else f"solved from the first rows of {inputs}"
         out.say(f"start of {name}: {value:.6g} (SI), {source}")
@@ -86,7 +79,63 @@ def simulate(
         out.say(f"{held} samples lacked an input: its last value was held")
 
 
-def _inputs(graph: BondGraph, recording: str) -> tuple[list[GridPoint], int]:
+def simulated(
+    model: ModelFile,
+    *,
+    inputs: Recording,
+    faults: tuple[FaultRequest, ...] = (),
+    seed: int | None = None,
+    noise: bool = True,
+    imperfections: Imperfections | None = None,
+    start: Mapping[str, float] | None = None,
+) -> Simulated:
+    """Simulate a plant.
+
+    Parameters
+    ----------
+    model : the model file
+    inputs : recording with the time and the inputs; its sensors, if it has some, tell the start
+    faults : what is wrong, and when
+    seed : of the noise; None draws one
+    noise : whether sensors and inputs scatter as the model declares
+    imperfections : what the plant has and the model leaves out
+    start : SI values by state
+
+    Raises
+    ------
+    ModelError
+        Where something is to wander, and nothing does.
+    """
+    imperfections, start = imperfections or Imperfections(), start or {}
+    means = load_model(model)
+    if imperfections.wander and not means.wanders:
+        problem = "nothing wanders in it; state how far and how long, such as `wander: 3 % over 6 h` of a parameter"
+        raise ModelError(f"{means.file}: {problem}, or leave out --wander")
+    graph = of_rows(means)
+    points, held = _inputs(graph, inputs)
+    begin = {**solved_start(means, inputs), **start}
+    from faultbond.simulate import Effects, Inputs, fault_in_si  # noqa: PLC0415 - loads casadi and scipy
+    from faultbond.simulate import simulate as simulate_plant  # noqa: PLC0415
+
+    seed = secrets.randbelow(2**31) if seed is None else seed
+    simulation = simulate_plant(
+        graph,
+        Inputs(time=np.array([point.time for point in points]), values=np.array([point.u for point in points])),
+        [fault_in_si(fault, graph) for fault in faults],
+        seed=seed,
+        noise=noise,
+        effects=Effects(
+            spread=imperfections.spread,
+            lag=imperfections.lag,
+            curve=imperfections.curve,
+            wander=imperfections.wander,
+        ),
+        start=begin,
+    )
+    return Simulated(graph=graph, simulation=simulation, seed=seed, held=held, start=begin)
+
+
+def _inputs(graph: BondGraph, recording: Recording) -> tuple[list[GridPoint], int]:
     """Give the inputs of a recording on the grid, with absent values held, and at how many points one was absent."""
     points: list[GridPoint] = []
     held = 0
@@ -102,10 +151,10 @@ def _inputs(graph: BondGraph, recording: str) -> tuple[list[GridPoint], int]:
     return points, held
 
 
-def solved_start(graph: BondGraph, recording: str) -> dict[str, float]:
+def solved_start(graph: BondGraph, recording: Recording) -> dict[str, float]:
     """Give the start of the states that the model leaves open, if the recording shows what the sensors saw."""
     try:
-        rows = read_rows(recording, columns_of(graph)) if recording != STANDARD_INPUT else iter(())
+        rows = read_rows(recording, columns_of(graph)) if str(recording) != STANDARD_INPUT else iter(())
         points = list(
             islice(
                 on_grid(rows, Grid(graph.sample_time, steady=True, row_time=graph.row_time, held=graph.held_inputs)),

@@ -35,6 +35,7 @@ from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError, RecordingError, StructureError
 from faultbond.fit.samples import judged_parts
 from faultbond.io.grid import Grid, GridPoint, on_grid
+from faultbond.io.memory_table import Recording
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.graph import BondGraph
 from faultbond.model.validity import without_states
@@ -123,7 +124,7 @@ def _check(graph: BondGraph, wishes: Wishes) -> None:
         )
 
 
-def _points(graph: BondGraph, recording: str) -> tuple[GridPoint, ...]:
+def _points(graph: BondGraph, recording: Recording) -> tuple[GridPoint, ...]:
     """Give the grid points that have a value; a gap of days holds millions that have none.
 
     Where the model does not always hold, those of the longest time in which it does.
@@ -136,7 +137,7 @@ def _points(graph: BondGraph, recording: str) -> tuple[GridPoint, ...]:
     if not points:
         raise RecordingError(no_time(recording))
     if graph.valid_when is not None:
-        parts = judged_parts(recording, tuple(map(sample_of, points)), build_watcher(graph))
+        parts = judged_parts(str(recording), tuple(map(sample_of, points)), build_watcher(graph))
         longest = max((part for _, part in parts), key=len)
         points = tuple(point for point in points if longest[0].time <= point.time <= longest[-1].time)
     return points

@@ -2,8 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from faultbond.types import Method
+
+if TYPE_CHECKING:
+    from faultbond.io.memory_table import Recording
 
 DEMO = "tank"  # the example that the demo runs
 
@@ -18,7 +22,7 @@ class Wishes:
     `faultbond.algebra.routes.functions.Preference`. budget: how many times the usual time and size each search has.
     """
 
-    data: str | None = None
+    data: "Recording | None" = None
     within: float | None = None
     separate: tuple[tuple[str, ...], ...] = ()
     closed: int = 1

@@ -26,24 +26,6 @@ FB_SELDOM
 /* Moves of an input, in its largest value or 100 percent, where none is stated. */
 static const double MOVE_PARTS[N_MOVE_PARTS] = {0.2, 0.4, 0.6};
 
-#define MOST_LOOKS (MOST_RIVALS * LARGEST_SET < N_PARTS ? MOST_RIVALS * LARGEST_SET : N_PARTS)
-#define MOST_CHECKS (MOST_LOOKS + N_INPUTS + N_SIGNALS)
-
-/* One thing to do that would tell candidates apart. group: of each of the likeliest candidates, the number of those that it
-   would still be together with. */
-typedef struct {
-    int64_t kind, target; /* CHECK_COMPONENT: a part; CHECK_INPUT: an input to move; CHECK_SIGNAL: one to measure */
-    int64_t n_groups, group[MOST_RIVALS];
-    double gain, cost;    /* bits; as the model file states it */
-    double value, within; /* SI value to which an input is moved, and s until the answer is there; nan of other checks */
-} Check;
-
-/* Checks, the best for its cost first. */
-typedef struct {
-    int64_t n_checks, n_rivals;
-    Check checks[MOST_CHECKS];
-} Advice;
-
 /* The candidates that matter, the first of the diagnosis, with probabilities that add up to 1, and their lanes: plain ones,
    then wide ones. */
 typedef struct {

@@ -21,8 +21,9 @@
    watching.h, with walking.h, is the part of 2, 4 and 5 that is the same for every sample. Fleets of many assets take it side by side
    (fleet.h), and the whole way one by one where a sample is not usual (alone.h), if FB_FLEETS is defined.
 
-   watch.h holds 2 to 7 together; state.h says what is remembered, layout.h where the numbers of a lane and of a sample
-   stand, maths.h, lanes.h and port.h compute. model.h is generated: sizes, tables, rates and readings of one model. */
+   watch.h holds 2 to 7 together; found.h says what calls give, state.h what is remembered, layout.h where the numbers of a
+   lane and of a sample stand, maths.h, lanes.h and port.h compute. model.h is generated: sizes, tables, rates and readings
+   of one model. */
 #ifndef FB_MODEL_H
 #include "model.h"
 #endif

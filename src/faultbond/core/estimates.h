@@ -12,25 +12,6 @@ FB_SELDOM
 #define AS_MANY 1000.0       /* samples that tell as much as ever so many do */
 #define MOST_AS_MANY 10000.0 /* and how many do at most: what is shown after a day still counts */
 
-/* When a drifting value reaches a limit: s, where that is as likely as not, 5 % and 95 % likely; nan: never. */
-typedef struct {
-    double limit, time, earliest, latest;
-} Forecast;
-
-/* What is wrong with a sensor or an input. */
-enum { WORD_NONE, WORD_BIAS, WORD_STUCK, WORD_GAIN, WORD_NOISE };
-
-/* A parameter, or what is wrong with an input or a sensor: of the three numbers two are -1. nan: there is none. */
-typedef struct {
-    int64_t parameter, input, output, word;
-    double nominal, estimate, sd;
-    double rate, rate_sd; /* of a drift, per second */
-    double began, ended;  /* s; of a ramp that has come to its end */
-    double moved;         /* sd by which it has moved lately, beyond what its variance allows; 0: it has settled */
-    int64_t n_forecasts;
-    Forecast forecasts[FB_ROOM(MOST_LIMITS)];
-} Suspect;
-
 /* A value that drifts towards a limit, and the covariance of value and rate. */
 typedef struct {
     double ahead, speed;

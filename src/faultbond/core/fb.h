@@ -14,7 +14,7 @@
 extern "C" {
 #endif
 
-/* Bytes of a state, of work memory, of a saved state, and of what calls give (see watch.h, ranking.h and advice.h). */
+/* Bytes of a state, of work memory, of a saved state, and of what calls give (see found.h). */
 int64_t fb_state_size(void);
 int64_t fb_work_size(void);
 int64_t fb_saved_size(void);

@@ -14,30 +14,6 @@
 
 #define SELDOM 1e-6          /* least probability that counts */
 #define UNSAID 1e-12         /* probability that changes no sum */
-#define MOST_CANDIDATES (N_HYPOTHESES < MAX_CANDIDATES ? FB_ROOM(N_HYPOTHESES) : MAX_CANDIDATES) /* that are listed */
-
-/* A hypothesis with the estimates of its best lane. kinds: the likeliest first, to which the estimates belong;
-   shares: the probability of each, given that this is the hypothesis. */
-typedef struct {
-    int64_t hypothesis;
-    int64_t lane;    /* that tells of it: of steps, then of those with a slot */
-    int64_t group;   /* 1: cannot be told from the best */
-    int64_t present; /* 0 while a fault that comes and goes is gone */
-    int64_t n_kinds, kinds[N_KINDS], n_suspects;
-    double probability, shares[N_KINDS];
-    Suspect suspects[LARGEST_SET];
-} Candidate;
-
-/* Ranked candidates, the best first. Where none explains the data, the best is off by `unexplained_sd` at a sensor,
-   `signal`, from `since` to `until`; else these are nan, and -1. Of the sets that are not tested
-   `untested_probability` is at most how likely it is that one is the true one; 1: no bound. `within_accuracy`: probability that
-   nothing is at fault but what the declared accuracy allows. `mismatch`: that the model is off, see mismatch.h. */
-typedef struct {
-    double time; /* s */
-    int64_t n_candidates, is_unexplained, has_untested, untested_sets, signal;
-    double unexplained_sd, since, until, untested_probability, within_accuracy, mismatch;
-    Candidate candidates[MOST_CANDIDATES];
-} Diagnosis;
 
 /* Lanes that are left out of a ranking; they count as those whose likelihood is no number. */
 enum { OUT_NONE = 0, OUT_REJECTED = 1 };

@@ -4,6 +4,7 @@
 #define FB_STATE_H
 
 #include "filters.h"
+#include "found.h"
 
 #define LAGS 4            /* innovations with which each new one is compared */
 #define TRENDS 9          /* that follow a record which scatters, see smooth.h; the numbers of each: level and slope, SI, */
@@ -26,9 +27,6 @@ enum { TREND_LEVEL, TREND_SLOPE, TREND_VARIANCE, TREND_TIE, TREND_SLOPES, TREND_
 #define N_COUPLE_LANES (PER_COUPLE * N_COUPLED) /* lanes for couples, see couples.h */
 #define N_WIDE (N_SLOT_LANES + N_COUPLE_LANES)  /* then wide ones: all other kinds of fault, alone and in couples */
 #define N_LANES (N_STEPS + N_WIDE)
-#define N_BEGUN (N_SETS + N_INSTRUMENTS)      /* hypotheses that are tested from the alarm on, */
-#define FIRST_MIXED (N_BEGUN + N_RESERVE)     /* then those in reserve, then instruments with a parameter, */
-#define N_HYPOTHESES (FIRST_MIXED + N_MIXED + N_BOTH) /* and two instruments */
 #define BLOCKS(n) (((n) + GROUP - 1) / GROUP)
 #define FIRST_COUPLES (BLOCKS(N_STEPS) + BLOCKS(SWITCHED))     /* of the groups that may rest, that of the first couples, */
 #define N_RESTING (FIRST_COUPLES + BLOCKS(N_COUPLE_LANES))      /* and how many there are */

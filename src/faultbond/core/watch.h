@@ -10,21 +10,6 @@
 #define DIAGNOSIS_EVERY 20 /* samples between diagnoses */
 #define OLD_WINDOW 3 /* window of the lane of long ago, from which drifts under way begin */
 
-enum { WAITING, STARTING, WARMING, WATCHING, DIAGNOSING, LOST, OUTSIDE }; /* what a run is doing */
-
-/* What one sample brought; nan: nothing yet. */
-typedef struct {
-    int64_t status;
-    int64_t wild;               /* values that were refused, or cut, since they lie far beyond all that was seen */
-    int64_t detected;           /* 1: an alarm was raised, see State.alarm */
-    int64_t due;                /* 1: time for a diagnosis */
-    int64_t left_out[N_OUTPUTS]; /* 1: the model, or the sensor, does not hold, so the reading is not judged */
-    double expected[N_OUTPUTS]; /* readings of the healthy plant, SI */
-    double variance[N_OUTPUTS]; /* of what is measured, SI squared */
-    double cusum[N_OUTPUTS];    /* largest sum of each sensor */
-    double slow[FB_ROOM(N_SLOW)]; /* slow errors in their declared sd */
-} Report;
-
 /* Memory of a call. */
 typedef struct {
     Filters filters;

@@ -5,6 +5,9 @@ stands; the best few are fitted together with everything else; of those that for
 about equally well, the one is kept that leaves the parameters best known. Others of the round that gain beside it what
 they gain alone are kept with it. A round that foretells nothing better is the last.
 
+A parameter that a fit puts far outside its declared accuracy is a sign of a wrong model before it is one of a wrong
+number: what is missing is asked for with it held inside, and is kept where it explains the data about as well.
+
 Source: Rao 1948 and Akaike 1974 in spirit (one term at a time, by likelihood); held-back data as in Stone, J. Royal
 Statistical Society B 36 (1974) 111.
 """
@@ -17,11 +20,10 @@ from typing import Protocol
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.samples import Sample
 from faultbond.contract.spec import Engine
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
-from faultbond.errors import NoVerdictError, StructureError
+from faultbond.errors import StructureError
 from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.certainty import inverse_of
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
@@ -42,7 +44,8 @@ from faultbond.fit.imperfections import (
 from faultbond.fit.likelihood import build_begin, known_starts, layout_of, nominal_q
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
 from faultbond.fit.samples import HealthyRecording
-from faultbond.fit.unknowns import unknowns_of
+from faultbond.fit.straying import INSIDE
+from faultbond.fit.unknowns import Unknowns, unknowns_of
 from faultbond.model.expression import Name
 from faultbond.model.graph import BondGraph, Check, Parameter
 from faultbond.types import CheckKind
@@ -63,7 +66,7 @@ MEMORIES = (3.0, 20.0, 120.0, 600.0)  # samples
 LARGER = (3.0, 10.0, 30.0)  # times the largest size tried, where that is the best
 MOST_PART = 0.5  # a relative error is not larger
 LONGEST = 0.25  # of a recording: what stays longer is a parameter, not an error that comes and goes
-LAGS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # samples
+LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # samples
 LAG_GRID = 4.0  # samples: a lag for which one step of the integration is enough
 LEAST_LAG = 0.2  # samples
 LAGS_TRIED = 2
@@ -72,10 +75,8 @@ SIZED = (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER, Kind.INPUT_NOISE)
 HINT = 5.0  # nats that a lag must seem to explain to be tried
 MOST_SAMPLES = 6000  # with which sizes are compared
 FEW_SAMPLES = 8000  # of the recordings with which imperfections are compared; what is kept is fitted to all
-HELD = 3  # one recording of so many is held back, and the last part of so many where there is one
 
 Tell = Callable[[str], None]
-Recordings = Sequence[tuple[str, Sequence[Sample]]]  # names and grid points
 
 
 class Build(Protocol):
@@ -83,31 +84,6 @@ class Build(Protocol):
 
     def __call__(self, model: StepModel, /, *, slopes: bool = True) -> Engine:
         """Give it; without its slopes a lane has no direction."""
-
-
-def parted(read: Recordings, least: int) -> tuple[Recordings, Recordings]:
-    """Give recordings to fit and to hold back: the last of them, or the last part of one.
-
-    Raises
-    ------
-    NoVerdictError
-        Where a part has fewer than `least` samples.
-    """
-    if len(read) > 1:
-        count = max(len(read) // HELD, 1)
-        fitted, held = tuple(read[:-count]), tuple(read[-count:])
-    else:
-        ((name, points),) = read
-        last = len(points) - len(points) // HELD
-        after = [replace(points[last], dt=0.0), *points[last + 1 :]] if last < len(points) else []
-        fitted, held = ((name, points[:last]),), ((f"the last third of {name}", after),)
-    for name, points in (*fitted, *held):
-        if len(points) < least:
-            raise NoVerdictError(
-                f"{name}: {len(points)} samples; at least {least} are needed where a part is held back to judge by; "
-                "give a longer recording, or several"
-            )
-    return fitted, held
 
 
 class Search:
@@ -140,6 +116,8 @@ class Search:
         self.possible = possible(graph, signals, len(model.states))
         self.refused: set[tuple[Kind, str]] = set()  # lags and holds that were tried in vain
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
+        self.inside: frozenset[str] = frozenset()  # parameters that are kept from straying
+        self.believed: frozenset[str] = frozenset()  # those of which it is known what made them stray
         self.signals = signals
         tell("building a filter with all that may be missing")
         self.all = self._with_all(graph)
@@ -147,15 +125,16 @@ class Search:
     def _with_all(self, graph: BondGraph) -> "_Ground":
         """Give a plant in which all that may be missing is open, for likelihoods alone."""
         checks = tuple(Check(name=name, kind=CheckKind.SIGNAL, reads=Name(name)) for name in self.signals)
-        return self._ground(replace(with_imperfections(graph, self.possible), checks=checks), slopes=False)
+        return self.ground(replace(with_imperfections(graph, self.possible), checks=checks), slopes=False)
 
-    def _ground(self, graph: BondGraph, *, slopes: bool = True) -> "_Ground":
+    def ground(self, graph: BondGraph, *, slopes: bool = True) -> "_Ground":
+        """Give a plant as the likelihood takes it."""
         model = build_step_model(build_plant(graph))
         return _Ground(self, graph, model, self.build(model, slopes=slopes), slopes=slopes)
 
     def first(self, found: Fit) -> Footing:
         """Give where a fit of the plant as it stands leads."""
-        ground, plant = self._ground(self.graph), found.plant
+        ground, plant = self.ground(self.graph), found.plant
         q = plant.unknowns.fill(plant.base, found.summit.point.values)[0]
         n_p, n_y = plant.layout.n_p, plant.layout.n_y
         columns = zip(ground.columns, found.summit.point.starts.T, strict=True)
@@ -228,7 +207,7 @@ class Search:
         """Give a plant that may have further imperfections."""
         sizes = {Kind.LAG: LAG_GRID * self.step}
         opened = tuple(replace(item, size=sizes.get(item.kind, UNTRIED)) for item in more)
-        return self._ground(with_imperfections(stand.graph, opened))
+        return self.ground(with_imperfections(stand.graph, opened))
 
     def _joint(self, stand: Footing, best: Footing, others: Sequence[Footing]) -> Footing | None:
         """Give where the best and others, each of another place, lead together; None: they gain no more than one does.
@@ -457,6 +436,11 @@ class _Ground:
                 upper[k] = np.log(MOST_PART) if sizes[place].kind in (Kind.RELATIVE, Kind.WANDER) else upper[k]
             elif place >= layout.first_noise + layout.n_y:
                 upper[k] = base[place]
+        for k, (_, item) in enumerate(parameters):
+            if item.name in search.inside:
+                reach = INSIDE * unknowns.prior[k]
+                lower[k] = max(lower[k], unknowns.nominal[k] - reach)
+                upper[k] = min(upper[k], unknowns.nominal[k] + reach)
         return FittedPlant(
             sensors=tuple(item.name for item in self.graph.sensors),
             layout=layout,
@@ -469,6 +453,11 @@ class _Ground:
             own=tuple((k, item.accuracy / abs(item.scale)) for k, item in self.own),
             slopes=self.slopes,
         )
+
+    def widths(self, unknowns: Unknowns) -> FloatArray:
+        """Give how many times as wide accuracies count, (n_theta,): little, but of parameters that are believed."""
+        near = self.search.believed | self.search.inside
+        return np.array([1.0 if item.name in near else WIDE for item in unknowns.parameters])
 
     def climbed(self, stand: Footing, *more: Imperfection, few: bool = False) -> Footing:
         """Give where a climb leads that begins where it stands, with further imperfections; perhaps for few records."""
@@ -483,7 +472,7 @@ class _Ground:
         values = np.clip(_values(plant, q), unknowns.lower, unknowns.upper)
         known = self.begin_of(records, search.begin)
         begin = replace(known, values=values, starts=self.starts_of(stand)[: len(records)])
-        wide = unknowns.widened(WIDE)
+        wide = unknowns.widened(self.widths(unknowns))
         summit = ascend(plant, records, begin, wide, anchor=known.starts, turns=TURNS, settled=CLOSE_ENOUGH)
         found = unknowns.fill(plant.base, summit.point.values)[0]
         ahead = foretold(plant, search.held, self.begin_of(search.held, search.begin_held), found)

@@ -52,6 +52,11 @@ class Unknowns:
         return np.concatenate([times * self.prior[: self.n_theta], self.prior[self.n_theta :]])
 
 
+def is_logarithmic(item: Parameter) -> bool:
+    """Tell whether a parameter is found by its logarithm, since it stays on its side of zero."""
+    return (item.nominal > 0.0 and item.lower >= 0.0) or (item.nominal < 0.0 and item.upper <= 0.0)
+
+
 def unknowns_of(
     layout: Layout,
     base: FloatArray,
@@ -70,10 +75,7 @@ def unknowns_of(
     noises : places in q of the sizes of noise, and of the memories, to be found
     grow : whether slow errors may be larger than declared; one that may explains away whatever the model does wrong
     """
-    logs = [  # those that stay on the side of zero on which their nominal is
-        (item.nominal > 0.0 and item.lower >= 0.0) or (item.nominal < 0.0 and item.upper <= 0.0)
-        for _, item in parameters
-    ]
+    logs = [is_logarithmic(item) for _, item in parameters]
     nominal, prior, lower, upper = [], [], [], []
     for (place, item), log in zip(parameters, logs, strict=True):
         ends = sorted((item.lower / item.scale, item.upper / item.scale))

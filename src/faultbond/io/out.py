@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from faultbond.errors import plain
 from faultbond.io.files import replaced_text
@@ -47,7 +47,7 @@ class Out:
         """Write one JSON record and flush it; a number that is not finite becomes null."""
         if self.json is None:
             return
-        self.json.write(json.dumps(_finite(record), ensure_ascii=False, allow_nan=False) + "\n")
+        self.json.write(json.dumps(finite(record), ensure_ascii=False, allow_nan=False) + "\n")
         if not isinstance(self.json, RecordFile):
             self.json.flush()
 
@@ -64,6 +64,11 @@ class Out:
     def mark(self) -> Mark | None:
         """Put the records on the disk and say up to where their file holds them; None where they are in no file."""
         return self.json.mark() if isinstance(self.json, RecordFile) else None
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether nothing is written anywhere, as where a program asks for results."""
+        return self.text is None and self.json is None
 
     @property
     def is_mixed(self) -> bool:
@@ -124,12 +129,12 @@ def warn(line: str) -> None:
         sys.stderr.write(f"faultbond: {line}\n")
 
 
-def _finite(value: object) -> object:
-    """Replace nan and infinity, which JSON lacks, by None."""
+def finite(value: Any) -> Any:
+    """Give a record with None in place of nan and infinity, which JSON lacks."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
+        return [finite(item) for item in value]
     return value

@@ -1,4 +1,4 @@
-"""Recordings: rows of CSV or Parquet, or of standard input, in SI units.
+"""Recordings: rows of CSV or Parquet, of standard input, or of a table in memory, in SI units.
 
 Only the columns that the model names are read. A value that is empty, unreadable, not finite or at an end of its range
 is nan in its row; a file that is no recording is one `RecordingError`. Source: docs/commands.md.
@@ -8,14 +8,12 @@ import csv
 import difflib
 import io
 import math
-import re
 import sys
 from codecs import getincrementaldecoder
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from types import ModuleType
 from typing import Any, BinaryIO, TextIO
@@ -25,8 +23,9 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.errors import RecordingError
 from faultbond.io.files import STANDARD_INPUT, replaced_text
+from faultbond.io.memory_table import MemoryTable, Recording
 from faultbond.io.row_block import Row, RowBlock, block_of_rows
-from faultbond.io.times import finite_number, parse_time, unix_seconds
+from faultbond.io.times import WITH_COMMA, finite_number, moment_of
 from faultbond.model.graph import BondGraph, Input, Sensor, TimeColumn, Unit
 
 MAX_LINE = 200_000  # characters
@@ -37,7 +36,6 @@ MAX_RECORD_LINES = 100  # a quoted text may hold line breaks
 SHOWN_COLUMNS = 20
 FORMULA = (*"=+-@", "\t", "\r")  # what a cell begins with that a spreadsheet runs
 ROUNDING = 1e-9  # of an end of a range: a value so close to it is at the end
-WITH_COMMA = re.compile(r"\s*[+-]?\d*,\d+(e[+-]?\d+)?\s*", re.IGNORECASE)  # a number as half of the world writes it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,12 +89,12 @@ def columns_of(graph: BondGraph, *, sensors: bool = True) -> Columns:
     )
 
 
-def read_rows(source: str | Path, columns: Columns) -> Iterator[Row]:
+def read_rows(source: Recording, columns: Columns) -> Iterator[Row]:
     """Give the rows of a recording in SI as they stand, one by one.
 
     Parameters
     ----------
-    source : path of a CSV or Parquet file; `-` is CSV on standard input
+    source : path of a CSV or Parquet file; `-` is CSV on standard input; or a table
     columns : what to read and in which units
 
     Raises
@@ -104,6 +102,8 @@ def read_rows(source: str | Path, columns: Columns) -> Iterator[Row]:
     RecordingError
         When the file cannot be read, is no table, lacks a column, or has numbers with decimal commas.
     """
+    if isinstance(source, MemoryTable):
+        return (block.row(k) for block in _table_blocks(source, columns) for k in range(len(block)))
     if str(source) == STANDARD_INPUT:
         return _rows(_csv_records(source, "standard input"), columns, "standard input")
     parquet = _is_parquet(Path(source))
@@ -111,13 +111,15 @@ def read_rows(source: str | Path, columns: Columns) -> Iterator[Row]:
     return _rows(records, columns, str(source))
 
 
-def read_blocks(source: str | Path, columns: Columns) -> Iterator[RowBlock]:
+def read_blocks(source: Recording, columns: Columns) -> Iterator[RowBlock]:
     """Give the same rows in blocks: of a CSV file some thousand at once, of standard input what is there.
 
-    Of all else, which may be slow, single ones.
+    Of a table all, of all else, which may be slow, single ones.
 
     Rows before an error come before it. Parameters and errors are those of `read_rows`.
     """
+    if isinstance(source, MemoryTable):
+        return _table_blocks(source, columns)
     path = Path(source)
     if str(source) == STANDARD_INPUT:
         return _csv_blocks(source, columns, "standard input")
@@ -154,6 +156,18 @@ def write_recording(path: str | Path, columns: Mapping[str, FloatArray]) -> None
             writer.writerow([f"{value:.15g}" if math.isfinite(value) else "" for value in values])
 
 
+def row_reader(columns: Columns, header: Sequence[str], title: str) -> Callable[[int, Sequence[object]], Row]:
+    """Give the function that makes a row of its number, from 1, and its values in the order of a header.
+
+    Raises
+    ------
+    RecordingError
+        Where the header lacks a column.
+    """
+    layout = _Layout(columns, header, title)
+    return lambda count, values: layout.row(count, count, values)
+
+
 class _Layout:
     """Where the columns of a model stand in a recording, and how its records become rows.
 
@@ -181,8 +195,8 @@ class _Layout:
         self._clock = self.header.index(needed[0].header) if needed and needed[0].role == "time" else None
         inputs, outputs = columns.inputs, columns.outputs
         self._inputs, self._outputs = ([self.header.index(item.header) for item in of] for of in (inputs, outputs))
-        self._lowest, self._highest = _ends(outputs, inwards=True)
-        self._least, self._most = _ends(inputs, inwards=False)
+        self._lowest, self._highest = ends(outputs, inwards=True)
+        self._least, self._most = ends(inputs, inwards=False)
 
     def row(self, count: int, line: int, values: Sequence[object]) -> Row:
         """Give the row of a record; `count` is its number, from 1.
@@ -201,7 +215,7 @@ class _Layout:
         if clock is None:
             moment = columns.first_time + (count - 1) * (columns.sample_time or 1.0)
         else:
-            moment = _moment(_field(values, clock), columns.time.unit)
+            moment = moment_of(_field(values, clock), columns.time.unit)
         u, y = _numbers(values, self._inputs, columns.inputs), _numbers(values, self._outputs, columns.outputs)
         if math.isnan(moment) or np.isnan(u).any() or np.isnan(y).any():
             for k in (*(() if clock is None else (clock,)), *self._inputs, *self._outputs):
@@ -237,16 +251,44 @@ class _Layout:
             time, values = numbers[:, 0].copy(), numbers[:, 1:]
             if fields is not None:
                 for k in np.flatnonzero(np.isnan(time)):
-                    time[k] = _moment(fields[self._clock][k], columns.time.unit)
+                    time[k] = moment_of(fields[self._clock][k], columns.time.unit)
         if fields is not None:
             strange = np.flatnonzero(np.isnan(time) | np.isnan(values).any(axis=1))
             if any("," in fields[place][k] for k in strange for place in places):
                 return None
+        return self._judged(time, values, line)
+
+    def table(self, table: MemoryTable) -> RowBlock:
+        """Give the rows of a table, as `row` does for each of them.
+
+        Raises
+        ------
+        RecordingError
+            Where a column holds neither numbers nor text, or its text is no number, or has decimal commas.
+        """
+        columns = self._columns
+        every = [table.numbers(item.header, item.role, item.unit) for item in (*columns.inputs, *columns.outputs)]
+        clock = columns.needed(self.header)[:1] if self._clock is not None else ()
+        moments = [table.moments(item.header, item.role, item.unit) for item in clock]
+        n = next((len(values) for values in (*moments, *every)), 0)
+        for item, values in zip((*clock, *columns.inputs, *columns.outputs), (*moments, *every), strict=True):
+            if len(values) != n:
+                counts = f"column {item.header!r} has {len(values)} values, others {n}"
+                raise RecordingError(f"{self._title}: {counts}. Give one value for each row.")
+        if not n:
+            raise RecordingError(_no_row(self._title))
+        rows = columns.first_time + np.arange(n, dtype=np.float64) * (columns.sample_time or 1.0)
+        return self._judged(
+            moments[0] if moments else np.asarray(rows, dtype=np.float64), np.array(every).reshape(len(every), n).T, 1
+        )
+
+    def _judged(self, time: FloatArray, values: FloatArray, line: int) -> RowBlock:
+        """Give rows without the values that are at an end of their range; values (n_rows, n_inputs + n_outputs), SI."""
         u, y = values[:, : len(self._inputs)].copy(), values[:, len(self._inputs) :].copy()
         saturated, beyond = (y <= self._lowest) | (y >= self._highest), (u < self._least) | (u > self._most)
         y[saturated], u[beyond] = math.nan, math.nan
         n_saturated = np.asarray(saturated.sum(axis=1) + beyond.sum(axis=1))
-        return RowBlock(time=time, u=u, y=y, saturated=n_saturated, line=np.arange(line, line + n))
+        return RowBlock(time=time, u=u, y=y, saturated=n_saturated, line=np.arange(line, line + len(time)))
 
 
 def _plain_numbers(lines: Sequence[str], delimiter: str, places: Sequence[int]) -> FloatArray | None:
@@ -271,6 +313,11 @@ def _rows(records: Iterator[tuple[int, Sequence[object]]], columns: Columns, tit
 
 def _no_row(title: str) -> str:
     return f"{title}: there is no row below the header."
+
+
+def _table_blocks(table: MemoryTable, columns: Columns) -> Iterator[RowBlock]:
+    """Turn a table in memory into rows, all at once."""
+    yield _Layout(columns, table.names, str(table)).table(table)
 
 
 def _csv_blocks(source: str | Path, columns: Columns, title: str) -> Iterator[RowBlock]:
@@ -326,18 +373,7 @@ def _field(values: Sequence[object], place: int) -> object:
     return values[place] if place < len(values) else None
 
 
-def _moment(value: object, unit: Unit) -> float:
-    """Give the time of a row in seconds; nan where it cannot be read."""
-    if isinstance(value, datetime):
-        return unix_seconds(value)
-    found = finite_number(value)
-    if math.isnan(found) and isinstance(value, str):
-        with suppress(ValueError, OverflowError):
-            return parse_time(value)
-    return unit.to_si(found)
-
-
-def _ends(columns: tuple[Column, ...], *, inwards: bool) -> tuple[FloatArray, FloatArray]:
+def ends(columns: tuple[Column, ...], *, inwards: bool) -> tuple[FloatArray, FloatArray]:
     """Give the ends of the ranges in SI, each of shape (n_columns,), moved inwards or outwards by what units round."""
     lower = np.array([column.lower for column in columns], dtype=np.float64)
     upper = np.array([column.upper for column in columns], dtype=np.float64)

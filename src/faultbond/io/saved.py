@@ -81,6 +81,7 @@ class Saved:
     """A run that can go on.
 
     numbers: what the method remembers, by name. records: up to where its file of records holds them, if there is one.
+    document: the model file's path and text, if they are kept.
     """
 
     model: str
@@ -91,6 +92,7 @@ class Saved:
     clock: GridClock
     found: FoundSoFar
     records: Mark | None = None
+    document: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,6 +109,7 @@ class _About:
     firsts: tuple[str, ...]
     found: FoundSoFar
     records: Mark | None
+    document: tuple[str, str] | None = None
 
 
 _LIMITS = TypeLimits(
@@ -129,6 +132,7 @@ def write_saved(path: Path, saved: Saved) -> None:
         firsts=clock.firsts,
         found=saved.found,
         records=saved.records,
+        document=saved.document,
     )
     arrays = {_NUMBERS + name: values for name, values in saved.numbers.items()}
     for name in ("time", "u", "y"):
@@ -175,6 +179,7 @@ def read_saved(path: Path) -> Saved:
             ),
             found=about.found,
             records=about.records,
+            document=about.document,
         )
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}.") from error

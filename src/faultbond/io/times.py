@@ -1,7 +1,13 @@
 """Numbers and moments as they stand in a recording or on the command line."""
 
 import math
+import re
+from contextlib import suppress
 from datetime import UTC, datetime
+
+from faultbond.model.graph import Unit
+
+WITH_COMMA = re.compile(r"\s*[+-]?\d*,\d+(e[+-]?\d+)?\s*", re.IGNORECASE)  # a number as half of the world writes it
 
 
 def finite_number(value: object) -> float:
@@ -21,3 +27,14 @@ def unix_seconds(moment: datetime) -> float:
 def parse_time(text: str) -> float:
     """Give Unix seconds of an ISO 8601 time, UTC where no zone is given; ValueError if it is none."""
     return unix_seconds(datetime.fromisoformat(text.strip()))
+
+
+def moment_of(value: object, unit: Unit) -> float:
+    """Give the time of a row in seconds: of a number in a unit, a date and time, or a text of one; nan of all else."""
+    if isinstance(value, datetime):
+        return unix_seconds(value)
+    found = finite_number(value)
+    if math.isnan(found) and isinstance(value, str):
+        with suppress(ValueError, OverflowError):
+            return parse_time(value)
+    return unit.to_si(found)

@@ -11,7 +11,7 @@ from faultbond.errors import ModelError
 from faultbond.model.expression import RATE, TABLE, Binary, Call, Expression, Name, Negative, Number
 from faultbond.model.parser import constant_value, to_text
 from faultbond.model.source import shown
-from faultbond.model.units import DIMENSIONLESS, SECOND, Dimension
+from faultbond.model.units import DIMENSIONLESS, SECOND, Dimension, coulomb_hint
 from faultbond.model.values import Values
 from faultbond.model.wiring import Wiring
 
@@ -184,13 +184,16 @@ class Checker:
     def _versus(self, left: tuple[Expression, Dimension], right: tuple[Expression, Dimension]) -> str:
         """Give the words for two expressions whose dimensions differ, and what to do."""
         a, b = (shown(to_text(expression)) for expression, _ in (left, right))
-        advice = "mend the law or the unit of a parameter"
+        advice = self._hint(left[1], right[1]) or "mend the law or the unit of a parameter"
         if any(_unknowns(self.solver.reduced(form)) for _, form in (left, right)):
             return f"`{a}` is in the unit of `{b}` times {self._words(left[1] / right[1])}; {advice}"
         return f"`{a}` is in {self._words(left[1])}, `{b}` in {self._words(right[1])}; {advice}"
 
     def _words(self, form: Dimension) -> str:
         return str(_known(self.solver.reduced(form)))
+
+    def _hint(self, left: Dimension, right: Dimension) -> str:
+        return coulomb_hint(_known(self.solver.reduced(left)), _known(self.solver.reduced(right)))
 
     def law(self, left: Expression, right: Expression, where: str) -> None:
         """Demand that the two sides of a law agree.
@@ -218,7 +221,8 @@ class Checker:
             return
         found = self._words(form)
         problem = f"`{shown(to_text(expression))}` is in {found}, but {what} in {dimension}"
-        raise ModelError(f"{where}{problem}; use a unit of {found}, or mend the expression")
+        advice = self._hint(form, dimension) or f"use a unit of {found}, or mend the expression"
+        raise ModelError(f"{where}{problem}; {advice}")
 
 
 def regions(plant: Wiring) -> dict[str, str]:

@@ -3,6 +3,7 @@
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 from faultbond.errors import ModelError
 from faultbond.model.source import shown_path
@@ -34,14 +35,19 @@ class ModelDocument:
             raise ModelError(f"{self.label}:{line}: not UTF-8 text; save the file as UTF-8") from None
 
 
-def read_document(path: str | os.PathLike[str]) -> ModelDocument:
-    """Read a model file, 1 MiB at most.
+ModelFile: TypeAlias = str | os.PathLike[str] | ModelDocument  # a path, or what was read of it
+
+
+def read_document(path: ModelFile) -> ModelDocument:
+    """Read a model file, 1 MiB at most; one that was read is given back.
 
     Raises
     ------
     ModelError
         Where it cannot be read, or is larger.
     """
+    if isinstance(path, ModelDocument):
+        return path
     label = shown_path(os.fspath(path))
     try:
         with Path(path).open("rb") as file:
@@ -54,6 +60,7 @@ def read_document(path: str | os.PathLike[str]) -> ModelDocument:
     return ModelDocument(label=label, data=data)
 
 
-def is_circuit(path: str | os.PathLike[str]) -> bool:
+def is_circuit(path: ModelFile) -> bool:
     """Whether a file is a logic circuit by its name, which ends in `.xml`."""
-    return Path(path).suffix.lower() == CIRCUIT_SUFFIX
+    name = path.label if isinstance(path, ModelDocument) else path
+    return Path(name).suffix.lower() == CIRCUIT_SUFFIX

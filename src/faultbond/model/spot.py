@@ -9,7 +9,7 @@ from faultbond.model.keys import Keys
 from faultbond.model.parser import number_text
 from faultbond.model.quantities import Quantity, Spread, duration, quantity, spread
 from faultbond.model.source import NAME, Entry, Items, Node, Source, Table, Text, choice, kind, shown
-from faultbond.model.units import Measure
+from faultbond.model.units import Measure, coulomb_hint
 
 SMALLEST, LARGEST = 1e-100, 1e100  # of standard deviations, SI
 LONGEST = 1e12  # s
@@ -228,8 +228,9 @@ class Spot:
             problem = f" is in {found.measure.unit.text or '1'}, but the thing itself has no unit; state both or none"
             raise self.error(problem)
         if found.measure.dimension != wanted.dimension:
-            problem = f" is in {found.measure.dimension}, but {wanted.dimension} is expected; use a unit such as"
-            raise self.error(f"{problem} `{wanted.unit.text or '1'}`")
+            problem = f" is in {found.measure.dimension}, but {wanted.dimension} is expected"
+            hint = coulomb_hint(found.measure.dimension, wanted.dimension)
+            raise self.error(f"{problem}; {hint or f'use a unit such as `{wanted.unit.text or 1}`'}")
 
     def check_size(self, size: float) -> None:
         """Refuse a size whose square no computer holds.

@@ -1,9 +1,8 @@
 """The model file: text to bond graph and back, or to a structure without laws."""
 
-import os
 from pathlib import Path
 
-from faultbond.model.document import read_document
+from faultbond.model.document import ModelFile, read_document
 from faultbond.model.dump import dump_model
 from faultbond.model.graph import BondGraph
 from faultbond.model.resolve import resolve
@@ -14,12 +13,12 @@ from faultbond.model.yaml_nodes import read_yaml
 __all__ = ["dump_model", "load_any", "load_model", "parse_any", "parse_model"]
 
 
-def load_model(path: str | os.PathLike[str]) -> BondGraph:
+def load_model(path: ModelFile) -> BondGraph:
     """Give the bond graph of a model file.
 
     Parameters
     ----------
-    path : a YAML file in UTF-8, 1 MiB at most
+    path : a YAML file in UTF-8, 1 MiB at most, or what was read of one
 
     Raises
     ------
@@ -51,7 +50,7 @@ def parse_model(text: str, file: str = "model.yaml") -> BondGraph:
     return found
 
 
-def load_any(path: str | os.PathLike[str]) -> BondGraph | Structure:
+def load_any(path: ModelFile) -> BondGraph | Structure:
     """Give the bond graph of a model file, or its structure where it states one in place of laws.
 
     Arguments and errors as of `load_model`.

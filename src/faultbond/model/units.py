@@ -104,6 +104,14 @@ DIMENSIONLESS = Dimension()
 SECOND = dimension_of({"second": Fraction(1)})
 
 
+def coulomb_hint(one: Dimension, other: Dimension) -> str:
+    """Say what to write where two dimensions differ as those of `C` and of a temperature do; empty: they do not."""
+    powers = dict((one / other).powers)
+    kelvins = powers.pop("kelvin", Fraction(0))
+    meant = bool(kelvins) and powers == {"ampere": -kelvins, "second": -kelvins}
+    return "`C` is the coulomb; write `degC` for degrees Celsius" if meant else ""
+
+
 @cache
 def _derived() -> dict[Dimension, str]:
     """Give the usual symbols of derived units, for messages."""

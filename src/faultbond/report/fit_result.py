@@ -24,6 +24,7 @@ from faultbond.fit.outcome import (
     residual_sizes,
     silences_of,
 )
+from faultbond.fit.straying import Stray, doubts_of, strays_of
 from faultbond.fit.wander import Wander
 from faultbond.model.amend import amended, with_correlations
 from faultbond.model.correlations import correlation_rows
@@ -33,6 +34,7 @@ from faultbond.model.rewrite import NewParameter, NewSize, parameter_path, rewri
 from faultbond.model.text import parse_model
 from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.numbers import MINUS, change_text, clock_text, figure, join, recording_text, unit_text
+from faultbond.report.straying import stray_records, stray_remark, stray_sentence, stray_texts
 from faultbond.report.together import closest_texts
 
 AT_MOST = 0.999  # of what is declared; a slow error is not found larger
@@ -45,6 +47,7 @@ class Fitted:
     """A fit and the model it belongs to: parameters, noise of the sensors, and what the data do not tell.
 
     healthy_changes: standard deviations by which parameters seem to change while healthy, SI
+    strays: parameters that the fit puts far outside what was declared
     apart: whether it is left out how fitted parameters go together, as they do not while healthy
     """
 
@@ -56,6 +59,7 @@ class Fitted:
     silences: tuple[Silence, ...]
     wanders: tuple[Wander, ...] = ()
     healthy_changes: Mapping[str, float] = field(default_factory=dict)
+    strays: tuple[Stray, ...] = ()
     apart: bool = False
 
     @property
@@ -80,6 +84,7 @@ class Fitted:
         sizes = [NewSize(name=item.name, times=item.to_declare / item.declared) for item in changed]
         what = [*(item.parameter.name for item in self.estimates), *(f"noise of {item.name}" for item in changed)]
         remark = f"{', '.join(Path(item.name).name for item in self.found.records)}: {join(what)}."
+        remark += stray_remark(self.strays)
         parameters = [_new_parameter(item) for item in self.estimates]
         written = rewrite(text, self.graph, parameters, sizes, remark)
         written = with_correlations(written, correlation_rows(self.correlations))
@@ -105,10 +110,11 @@ class Fitted:
     def declared_changes(self) -> tuple[tuple[str, str], ...]:
         """The parameters that seem to change by more than their accuracy allows them to, and by how much."""
         fitted = {item.parameter.name: (item.accuracy, item.value) for item in self.estimates}
-        told = []
+        told, doubts = [], doubts_of(self.strays)
         for item in self.graph.parameters:
             accuracy, value = fitted.get(item.name, (item.accuracy, item.nominal))
             found, least = self.healthy_changes.get(item.name, 0.0), core_settings()["MOVES_BY"] * accuracy
+            found = max(found, doubts.get(item.name, 0.0))
             if found > least or (item.name in self.healthy_changes and item.healthy_change > least):
                 told.append((item.name, _spread_text(max(found, least), item.nominal and value, item.unit)))
         return tuple(told)
@@ -134,11 +140,13 @@ class Fitted:
 
 def fitted_model(graph: BondGraph, found: Fit, version: str, wanders: tuple[Wander, ...] = ()) -> Fitted:
     """Give what a fit means for its model."""
+    estimates = estimates_of(found)
     return Fitted(
         graph=graph,
         found=found,
         version=version,
-        estimates=estimates_of(found),
+        estimates=estimates,
+        strays=strays_of(graph, found, estimates),
         noises=noises_of(found, graph),
         silences=silences_of(found),
         wanders=wanders,
@@ -242,6 +250,7 @@ def fit_record(fitted: Fitted, output: Path | None) -> Record:
         "correlations": [{"parameters": [item.one, item.other], "value": item.value} for item in fitted.correlations],
         "alike": [dict(item.changes) for item in fitted.silences],
         "hardly_fixed": [{"parameters": list(names), "sd": sd} for names, sd in faint_of(found)],
+        "strayed": stray_records(fitted.strays),
         "widened": {
             item.name: float(times) for item, times in zip(found.plant.unknowns.parameters, found.widths, strict=True)
         },
@@ -283,6 +292,8 @@ def print_fit(console: Console, fitted: Fitted, output: Path | None) -> None:
     console.print()
     style = "bold green" if found.summit.settled else "bold yellow"
     console.print(Text(fit_verdict(fitted), style=style))
+    if fitted.strays:
+        console.print(Text(stray_sentence(fitted.strays), style="bold yellow"))
     if output is not None:
         console.print(Text(f"Model written: {output}", style="bold"))
 
@@ -305,7 +316,8 @@ def parameter_row(item: Estimate) -> tuple[str, ...]:
 
 def remarks(fitted: Fitted) -> list[tuple[str, str]]:
     """Say what the parameters' table does not: combinations that do not show, and wider errors."""
-    told = under("looks alike", [_silence_text(item) for item in fitted.silences])
+    told = under("doubtful", stray_texts(fitted.strays))
+    told += under("looks alike", [_silence_text(item) for item in fitted.silences])
     faint = [
         f"{join(list(names))}: moved together they show to {100 * sd:.2g} % only, less well than declared; what is "
         "declared decides. Name with --fixed what is known"

@@ -21,6 +21,7 @@ from faultbond.model.keys import BETWEEN, BEYOND, HOLDS, NOISES_OF
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
+from faultbond.report.straying import doubtful
 from faultbond.report.suspects import owner_title
 from faultbond.report.together import together_texts
 from faultbond.report.verdict import step_text, unfalsifiable_text
@@ -220,6 +221,7 @@ def _structure_record(seen: Inventory) -> Record:
             | {"limits": list(item.limits), "suspect": item.suspect, "healthy_change": item.healthy_change or None}
             for item in graph.parameters
         ],
+        "doubtful": [name for name, _ in doubtful(graph)],
         "correlations": [{"parameters": [item.one, item.other], "value": item.value} for item in graph.correlations],
         "constants": [{"name": item.name, "value": item.value, "unit": item.unit.text} for item in graph.fixed],
         "tables": [
@@ -303,6 +305,8 @@ def _print_plant(console: Console, graph: BondGraph) -> None:
     if graph.correlations:
         known = {item.name: item for item in graph.parameters}
         lines(console, under("go together", together_texts(known, graph.correlations)))
+    if doubts := [text for _, text in doubtful(graph)]:
+        lines(console, under("doubtful", doubts))
 
 
 def _table_text(item: Curve) -> str:

@@ -20,6 +20,7 @@ from faultbond.report.console import lines, table, title, under
 from faultbond.report.fit_result import Fitted
 from faultbond.report.health import spacing_text, where_lines
 from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, join, unit_text
+from faultbond.report.straying import stray_records
 from faultbond.report.suspects import unit_of
 
 MOST_LEFT = 3  # places that are named as worth a look
@@ -167,6 +168,7 @@ def quiet_record(found: Quieted) -> Record:
         "peak": found.health.peak,
         "walk": found.health.walk,
         "alarms": found.alarms,
+        "strayed": stray_records(found.fitted.strays),
         "smallest_before": {item.parameter: item.value for item in found.smallest_before},
         "smallest": {item.parameter: item.value for item in found.smallest_after},
         "left": [{"kind": item.kind.value, "of": item.place, "gain": gain} for item, gain in found.left],
@@ -199,7 +201,9 @@ def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
         title(console, "What could not be mended")
         lines(console, list(_left_lines(found)))
     console.print()
-    console.print(Text(quiet_verdict(found), style="bold green" if found.quiet else "bold yellow"))
+    console.print(
+        Text(quiet_verdict(found), style="bold green" if found.quiet and not found.fitted.strays else "bold yellow")
+    )
 
 
 def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:

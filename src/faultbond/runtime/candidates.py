@@ -9,7 +9,7 @@ from faultbond.contract.spec import EngineSpec
 from faultbond.types import CheckKind, FaultKind
 
 _KINDS = tuple(FaultKind)
-_WORDS = ("", "bias", "stuck", "gain", "noise")  # what is wrong with a sensor or an input, as `estimates.h` numbers it
+WORDS = ("", "bias", "stuck", "gain", "noise")  # what is wrong with a sensor or an input, as `found.h` numbers it
 
 
 def diagnosis_of(spec: EngineSpec, found: Any) -> Diagnosis:
@@ -84,7 +84,7 @@ def _suspect(spec: EngineSpec, found: Any) -> Suspect:
     else:
         k, j = int(found["input"]), int(found["output"])
         component = spec.inputs[k].name if k >= 0 else spec.outputs[j].name
-        name = f"{component}.{_WORDS[int(found['word'])]}"
+        name = f"{component}.{WORDS[int(found['word'])]}"
     forecasts = found["forecasts"][: int(found["n_forecasts"])]
     return Suspect(
         parameter=name,

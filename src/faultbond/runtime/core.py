@@ -59,7 +59,7 @@ class Core:
 
     @cached_property
     def report(self) -> np.dtype[Any]:
-        """Layout of `Report` in `watch.h`."""
+        """Layout of `Report` in `found.h`."""
         n_y, n_slow = len(self.spec.outputs), len(self.spec.slow_errors)
         whole = [(name, _INT) for name in ("status", "wild", "detected", "due")]
         wide = [(name, _REAL, (n_y,)) for name in ("expected", "variance", "cusum")]
@@ -67,7 +67,7 @@ class Core:
 
     @cached_property
     def candidate(self) -> np.dtype[Any]:
-        """Layout of `Candidate` in `ranking.h`."""
+        """Layout of `Candidate` in `found.h`."""
         spec = self.spec
         forecast = np.dtype([(name, _REAL) for name in ("limit", "time", "earliest", "latest")])
         most_limits = max((len(item.limits) for item in spec.parameters), default=0)
@@ -96,7 +96,7 @@ class Core:
 
     @cached_property
     def diagnosis(self) -> np.dtype[Any]:
-        """Layout of `Diagnosis` in `ranking.h`."""
+        """Layout of `Diagnosis` in `found.h`."""
         return np.dtype(
             [
                 ("time", _REAL),
@@ -121,7 +121,7 @@ class Core:
 
     @cached_property
     def advice(self) -> np.dtype[Any]:
-        """Layout of `Advice` in `advice.h`."""
+        """Layout of `Advice` in `found.h`."""
         spec = self.spec
         check = np.dtype(
             [

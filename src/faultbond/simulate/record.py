@@ -27,6 +27,7 @@ from faultbond.types import FaultKind
 Decide = Callable[[float, FloatArray], Sequence[float] | FloatArray]
 
 _FIRST_TRY = IntegrationMethod(implicit=False, substeps=4)
+_COLD = 1.0  # K; nothing that is watched begins as near to absolute zero
 _ROUNDS = 3
 
 
@@ -172,6 +173,7 @@ def simulate(
     acting = run.acting(values)
     states, _, error = run.integrate(acting)
     readings = run.integrator.outputs(states[list(course.rows)], acting, course.at_rows)
+    _check_warm(plant, readings[0], start or {})
     return Simulation(
         time=_frozen(time),
         inputs=_frozen(values + actuators.noise * draws_u),
@@ -299,6 +301,24 @@ def _start(plant: Plant, start: Mapping[str, float]) -> FloatArray:
             raise ModelError(f"{plant.graph.file}: start of {name}: no such state; {name_hint(name, tuple(x))}")
         x[name] = float(value)
     return np.array(list(x.values()), dtype=np.float64)
+
+
+def _check_warm(plant: Plant, readings: FloatArray, start: Mapping[str, float]) -> None:
+    """Refuse a start at which a thermometer reads about absolute zero, since a store was taken to be empty.
+
+    readings : float array, shape (n_outputs,), SI, at first
+    """
+    known = {item.name for item in plant.graph.components if item.start is not None}
+    empty = [item.name for item in plant.network.states if not item.lag and item.component not in known]
+    empty = [name for name in empty if name not in start]
+    for sensor, value in zip(plant.graph.sensors, readings.tolist(), strict=True):
+        if sensor.unit.offset and abs(value) < _COLD and empty:
+            raise ModelError(
+                f"{plant.graph.file}: sensor {sensor.name} begins at {sensor.unit.from_si(value):.5g} "
+                f"{sensor.unit.text}, since the start of {', '.join(empty)} is not known and counts as 0, which is 0 K "
+                f"in a store of heat; give `--start '{empty[0]}=...'`, in SI as its capacity times 293 K, or inputs "
+                "from a recording with the sensors"
+            )
 
 
 def _checked_values(graph: BondGraph, inputs: Inputs) -> FloatArray:

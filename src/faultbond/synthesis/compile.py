@@ -24,7 +24,18 @@ FLAGS = ("-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-st
 # the healthy filter gives the same digits alone and in a fleet.
 FAST, SAME = ("-O3",), ("-O3", "-ffp-contract=off")
 QUICK = ("-O1", "-ffp-contract=off")
-HASTY = {FAST: ("-O1",), SAME: QUICK, QUICK: ("-Og", "-ffp-contract=off")}  # all in half the time
+WARM = ("-O2",)
+SHARED = (
+    "-std=c99",
+    "-fPIC",
+    "-fvisibility=hidden",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-w",
+)
+# All in a third of the time; what runs seldom is most of the text, and is not optimised at all.
+HASTY = {WARM: ("-O1",), FAST: ("-O1",), SAME: QUICK, QUICK: ("-O0", "-ffp-contract=off")}
 FLEETS = "#define FB_FLEETS\n"
 CORE = files("faultbond").joinpath("core")
 # Zig would first build a library for what a processor lacks (4 s, 47 MB); one of 64 bits lacks nothing that is used.
@@ -131,6 +142,44 @@ def compile_anew(source: str, compiler: tuple[str, ...]) -> Library:
         return Library(name=f"anew{LIBRARY}", content=built.read_bytes())
 
 
+def compile_shared(parts: Mapping[str, Mapping[str, str]], compiler: tuple[str, ...]) -> bytes:
+    """Give a shared library for any machine of this kind, which shows only what its text exports.
+
+    Parameters
+    ----------
+    parts : texts that are compiled by the names of their files, each with all that it includes, itself too
+    compiler : command of the compiler
+
+    Raises
+    ------
+    GenerationError
+        Where the compiler fails; carries its first message, and says what to install.
+    CacheError
+        Where others may write the cache.
+    """
+    objects = {
+        name: _kept((name, *SHARED, *texts, *texts.values()), compiler, partial(_compile_object, name, texts)).content
+        for name, texts in parts.items()
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        work = Path(folder)
+        paths = [work / f"{name}.o" for name in objects]
+        for path, content in zip(paths, objects.values(), strict=True):
+            path.write_bytes(content)
+        built = work / "built.so"
+        _run(compiler, work, (*compiler, "-shared", "-s", *map(str, paths), "-o", str(built), "-lm"))
+        return built.read_bytes()
+
+
+def _compile_object(name: str, texts: Mapping[str, str], compiler: tuple[str, ...], work: Path) -> Path:
+    """Give the path of a compiled text, made in the folder `work`."""
+    for file, text in texts.items():
+        (work / file).write_text(text, encoding="utf-8")
+    built = work / "built.o"
+    _run(compiler, work, (*compiler, *SHARED, *_options(WARM), "-c", str(work / name), "-o", str(built)))
+    return built
+
+
 def _options(level: tuple[str, ...]) -> tuple[str, ...]:
     """Give how far a text is optimised: less where `FAULTBOND_HASTY` is 1."""
     return HASTY[level] if os.environ.get("FAULTBOND_HASTY") == "1" else level
@@ -138,7 +187,7 @@ def _options(level: tuple[str, ...]) -> tuple[str, ...]:
 
 def _kept(texts: tuple[str, ...], compiler: tuple[str, ...], build: Callable[[tuple[str, ...], Path], Path]) -> Library:
     """Give a library of some texts, built if the cache does not hold it."""
-    told = (*texts, *FLAGS, compiler_identity(compiler), processor())
+    told = (*texts, *FLAGS, *_options(FAST), compiler_identity(compiler), processor())
     name = sha256("\0".join(told).encode()).hexdigest()[:32] + LIBRARY
     kept = read_kept(name)
     if kept is not None:

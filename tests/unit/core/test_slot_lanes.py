@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
-from bare_core import IN_CPP, aligned, at, compiled, in_c
+from bare_core import IN_CPP, OFFERED, aligned, at, compiled, in_c
 from faultbond.arrays import FloatArray
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.slots import plan_slots
@@ -124,7 +124,8 @@ class Core:
 
     def __init__(self, width: int) -> None:
         text = core_text(SPEC, build_step_model(PLANT, all_inputs=True)) + in_c(CALLS)
-        self.library = compiled(text, "-Og", f"-DFB_LANES={width}", *(IN_CPP if width == 1 else ()))
+        language = IN_CPP if width == 1 else ()
+        self.library = compiled(text, f"-DFB_LANES={width}", *language, offered=(*OFFERED, "fb_advance_wide"))
         self.library.t_numbers.restype = self.library.t_onsets.restype = ctypes.c_void_p
         self.library.fb_work_size.restype = ctypes.c_int64
         n_rows = SPEC.thresholds.history_samples + 2 + int(core_settings()["SPREAD"])

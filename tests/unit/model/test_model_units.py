@@ -8,6 +8,7 @@ import pytest
 from faultbond.errors import ModelError
 from faultbond.model import units
 from faultbond.model.quantities import duration, quantity, spread, spread_over
+from faultbond.model.text import parse_model
 from faultbond.model.units import DIMENSIONLESS, measure, unit
 
 
@@ -48,6 +49,35 @@ def test_temperature_noise_is_a_difference() -> None:
     """A spread in degC has no offset."""
     assert spread("0.5 degC").difference() == 0.5
     assert unit("degC").difference_from_si(0.5) == 0.5
+
+
+ROOM = """name: room
+sample_time: 60 s
+inputs: {T_o: {unit: degC}}
+components:
+  outside: {type: Se, law: e = T_o}
+  wall: {type: R, law: f = UA*e, parameters: {UA: 100 W/K}}
+  room: {type: C, law: e = q/C, parameters: {C: 5e6 J/K}}
+junctions: {line: 1}
+bonds: [outside -> line -> wall, line -> room]
+sensors: {T: {reads: room.e, unit: degC, noise: 0.1 K}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("unit: degC, noise", "unit: C, noise"),
+        ("T_o: {unit: degC}", "T_o: {unit: C}"),
+        ("law: e = T_o}", "law: e = T_o + T_1, parameters: {T_1: 5 C}}"),
+    ],
+)
+def test_a_temperature_in_coulombs_is_told_what_to_write(old: str, new: str) -> None:
+    """Who writes `C` of a temperature hears of `degC`; who mixes up other units does not."""
+    with pytest.raises(ModelError, match="`C` is the coulomb; write `degC` for degrees Celsius"):
+        parse_model(ROOM.replace(old, new), file="room.yaml")
+    with pytest.raises(ModelError, match="noise is in m, but K is expected; use a unit such as `degC`"):
+        parse_model(ROOM.replace("0.1 K", "0.1 m"), file="room.yaml")
 
 
 def test_percent_sign_is_relative() -> None:

@@ -116,7 +116,7 @@ def test_a_sample_takes_all_lanes_further() -> None:
 
 def restored(monitor: Monitor) -> Bare:
     """The core with calls of these tests, in the state of a monitor that waits for the next sample."""
-    core = bare(CALLS, (EXAMPLES / NAME / "model.yaml").read_text(encoding="utf-8"), "-Og")
+    core = bare(CALLS, (EXAMPLES / NAME / "model.yaml").read_text(encoding="utf-8"))
     core.restore(monitor.save())
     core["clock.index"] -= 1
     return core

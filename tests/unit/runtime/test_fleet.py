@@ -38,6 +38,8 @@ FAULTS = {
     "no state": ("R1", 1.5, 30.0),
     "ladder": ("R1", 3.0, 300.0),
 }
+# Of the motor, such that the sums alarm and no sample does.
+SMALL = (Fault(parameter="K", factor=1.1, start=4.0), Fault(parameter="J", factor=0.95, start=4.0))
 Grid = tuple[FloatArray, FloatArray, FloatArray]  # times, inputs and readings of all assets
 
 
@@ -91,6 +93,14 @@ def watched(core: Core, samples: Samples, asset: int, accept_at: int | None = No
         if taken == accept_at:
             monitor.accept(monitor.conclude().candidates[0].hypothesis)
     return monitor, events
+
+
+def of_runs(name: str, faults: Sequence[Fault | None], rows: int) -> Grid:
+    """Samples of assets, each with a fault or none."""
+    runs = [made(name, rows, fault, seed=2) for fault in faults]
+    time = np.array([item.time for item in runs[0]])
+    u, y = (np.array([[getattr(item, key) for item in run] for run in runs]) for key in ("u", "y"))
+    return time, u, y
 
 
 def samples_of(data: Grid, asset: int) -> Samples:
@@ -171,6 +181,29 @@ def test_sample_by_sample_is_as_in_one_block() -> None:
     name = "no input"
     fleet = Fleet(built(name)[1], N_ASSETS)
     assert repr(taken(fleet, grid(name), range(1, ROWS))) == repr(alone(name)[1])
+
+
+def test_small_faults_are_found_though_no_sample_surprises() -> None:
+    """An alarm of sums alone, at a sample that is else as usual, comes when it comes for a monitor."""
+    name = "dc_motor_current"
+    core, data = built(name)[1], of_runs(name, (None, *SMALL), 260)
+    said = [watched(core, samples_of(data, asset), asset)[1] for asset in range(len(data[1]))]
+    assert [bool(events) for events in said] == [False, *(True for _ in SMALL)]
+    assert repr(taken(Fleet(core, len(said)), data)) == repr(in_order([event for events in said for event in events]))
+
+
+def test_healthy_assets_are_watched_side_by_side_as_soon_as_they_are_warm() -> None:
+    """The last sample that an asset takes by itself is that at which it becomes warm."""
+    spec, core = built("dc_motor_current")
+    data = of_runs("dc_motor_current", (None, None), 40)
+    monitor, _ = watched(core, samples_of(data, 0), 0)
+    warm = int(monitor.number("clock.begun")) + spec.thresholds.warm_up_samples
+    assert warm < 35
+    fleet = Fleet(core, 2)
+    assert taken(fleet, data) == ()
+    place = core.fields["clock.index"].offset
+    (alone,) = fleet._works[0][place : place + 8].view(np.int64)  # how many samples the asset had seen
+    assert alone == warm
 
 
 @pytest.mark.parametrize("hypothesis", ["parameter", "sensor"])

@@ -1,0 +1,58 @@
+"""`generate --fmu`: an FMU of one model, for simulators and test benches."""
+
+from pathlib import Path
+
+from faultbond.errors import FaultbondError
+from faultbond.io.files import replaced
+from faultbond.io.out import Out
+from faultbond.model.text import load_model
+
+ENDING = ".fmu"
+
+
+def generate_fmu(model: Path, *, fmi: int, output: Path, lanes_at_most: int | None, watch_only: bool, out: Out) -> None:
+    """Write the FMU of a model.
+
+    Parameters
+    ----------
+    model : the model file
+    fmi : version of the standard, 2 or 3
+    output : the file
+    lanes_at_most : no more hypotheses are tested than fit in so many filters; None: all are
+    watch_only : whether alarms are raised, and no fault is named
+    out : where the record goes
+
+    Raises
+    ------
+    FaultbondError
+        Where the file is not called as one.
+    ModelError
+        Where samples of the model do not come at fixed times, or one of its names is that of another variable.
+    GenerationError
+        Where there is no C compiler, or it fails.
+    """
+    if output.suffix != ENDING:
+        raise FaultbondError(f"{output}: an FMU is one file. Name one that ends in {ENDING}.")
+    graph = load_model(model)
+    from faultbond.synthesis import fmu  # noqa: PLC0415 - loads casadi
+
+    parts = fmu.fmu_parts(graph, lanes_at_most=lanes_at_most, alarms_only=watch_only)
+    files = fmu.fmu_files(fmi, parts)
+    with replaced(output) as stream:
+        stream.write(fmu.fmu_archive(files))
+    title, platform = fmu.fmu_title(parts), fmu.fmu_platform(fmi)[0]
+    out.record(
+        {
+            "record": "fmu",
+            "model": graph.name,
+            "output": str(output),
+            "fmi": fmi,
+            "token": title.token,
+            "platform": platform,
+            "files": len(files),
+            "watch_only": watch_only,
+        }
+    )
+    told = f"{len(graph.inputs)} inputs and {len(graph.sensors)} readings"
+    out.say(f"{output}: FMI {fmi}.0, co-simulation, with sources and a library for {platform}.")
+    out.say(f"It is told {told} every {title.step:g} s; docs/fmu.md lists what it says.")

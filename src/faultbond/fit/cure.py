@@ -1,0 +1,40 @@
+"""What a model lacks where a fit puts parameters far outside their declared accuracies.
+
+A small thing that is missing may move a parameter far that data fix badly: a sensor that comes 1 ms late looks like a
+friction, of the bearing behind a stiff shaft. So what is missing is asked for with such parameters held inside what was
+declared; there it shows. It is kept where they then stay, and where letting them go would explain hardly more.
+"""
+
+from faultbond.fit.foothold import Footing
+from faultbond.fit.quiet_search import CLOSE, FEWEST, WORTH, Search
+from faultbond.fit.straying import INSIDE, strayed_by
+
+
+def strayed(search: Search, stand: Footing) -> frozenset[str]:
+    """Give the parameters that stand far outside their declared accuracies."""
+    found = (item for _, item in search.parameters if item.name not in search.own)
+    return frozenset(item.name for item in found if abs(strayed_by(item, stand.values[item.name])) > INSIDE)
+
+
+def cured(search: Search, stand: Footing) -> Footing | None:
+    """Give where something leads with which parameters that strayed stay inside their declared accuracies.
+
+    None where nothing explains what was held back about as well as that they were declared wrongly. From then on their
+    declared accuracies count in the search.
+    """
+    names = strayed(search, stand)
+    search.tell(f"asking what else it may be that puts {', '.join(sorted(names))} far from what was declared")
+    search.inside, refused = names, set(search.refused)
+    better = search.better(search.ground(stand.graph).climbed(stand))
+    search.inside, search.refused = frozenset(), refused
+    if better is None:
+        return None
+    ground, before = search.ground(better.graph), search.believed
+    free = ground.climbed(better)
+    search.believed = before | names
+    found = ground.climbed(better)
+    gain = found.held - stand.held
+    if gain >= WORTH and free.held - found.held <= max(FEWEST, CLOSE * gain) and not names & strayed(search, found):
+        return found
+    search.believed = before
+    return None

@@ -1,0 +1,203 @@
+/* A run in progress: points pass through the core, the records come out, and what was found is kept. Points that are there
+   together are passed together, up to BLOCK; none waits for another. */
+#ifndef WATCH_COURSE_H
+#define WATCH_COURSE_H
+
+#include "records.h"
+
+#define BLOCK 64         /* points that are passed at once */
+#define NO_LEVEL (-1.0)  /* a person accepts */
+#define REASON_ROOM 1024 /* bytes of why there is no verdict; a longer name is cut */
+
+enum { VERDICT_HEALTHY, VERDICT_FAULT, VERDICT_NONE };
+
+typedef struct {
+    Plant *plant;
+    Json *json;
+    double level; /* probability from which a diagnosis is accepted by rule; NO_LEVEL: a person accepts */
+    int goes_on;  /* whether this run goes on from another one, */
+    Found found, before; /* what that had found, and what has been found since */
+    double time;  /* of the last point, s; nan: there was none */
+    int seen[FB_ROOM(N_INPUTS)], read[FB_ROOM(N_OUTPUTS)]; /* which inputs and sensors have had a value in this run */
+    int64_t told; /* point of the last diagnosis; -1: none in this run */
+    int64_t lost; /* points at which the filter lost the plant in this run */
+    int is_refused; /* whether the core refused what its own rule accepts: a defect */
+    int n;          /* points that wait */
+    int64_t index[BLOCK];
+    double times[BLOCK], steps[BLOCK], inputs[BLOCK * FB_ROOM(N_INPUTS)], readings[BLOCK * FB_ROOM(N_OUTPUTS)];
+    Report reports[BLOCK];
+    Diagnosis diagnosis;
+    Advice advice;
+    Candidate candidate;
+} Course;
+
+static void course_begin(Course *course, Plant *plant, Json *json, double level)
+{
+    memset(course, 0, sizeof *course);
+    course->plant = plant;
+    course->json = json;
+    course->level = level;
+    course->time = NAN;
+    course->told = -1;
+}
+
+/* Go on from a run that ended at some time, with what it had found. */
+static void course_go_on(Course *course, double time, const Found *found)
+{
+    course->goes_on = 1;
+    course->found = course->before = *found;
+    course->time = time;
+}
+
+/* Count what the core says to n points from number `first` of the block on. */
+static void count_points(Course *course, int first, int n)
+{
+    Found *found = &course->found;
+    int in_use[N_OUTPUTS];
+    plant_in_use(course->plant, in_use);
+    for (int k = 0; k < n; k++) {
+        const Report *report = &course->reports[k];
+        const double *u = course->inputs + (first + k) * N_INPUTS, *y = course->readings + (first + k) * N_OUTPUTS;
+        const int is_outside = report->status == OUTSIDE;
+        int is_judged = 0, left_out = 0;
+        for (int i = 0; i < N_INPUTS; i++) course->seen[i] |= isfinite(u[i]) != 0;
+        for (int j = 0; j < N_OUTPUTS; j++) {
+            const int is_read = isfinite(y[j]) != 0;
+            course->read[j] |= is_read;
+            is_judged |= is_read && in_use[j] && !report->left_out[j];
+            left_out += is_read && report->left_out[j];
+        }
+        found->watched += (report->status == WATCHING || report->status == DIAGNOSING) && is_judged;
+        found->waiting += report->status == WAITING;
+        found->wild += report->wild;
+        found->outside += is_outside;
+        found->sensors_outside += is_outside ? 0 : left_out;
+        course->lost += report->status == LOST;
+    }
+}
+
+static void tell_detection(Course *course)
+{
+    const Alarm alarm = plant_alarm(course->plant);
+    course->found.detections++;
+    course->found.is_open = 1;
+    course->found.rejected = 0;
+    write_detection(course->json, &alarm);
+}
+
+/* Write a diagnosis that was due at a point, and accept its best candidate if it has been sure for long enough. */
+static void tell_diagnosis(Course *course, int64_t point, int is_outside)
+{
+    const PlantMemory *memory = &course->plant->memory;
+    fb_advice(memory->state, memory->work, &course->diagnosis, &course->advice);
+    write_diagnosis(course->json, &course->diagnosis, &course->advice, is_outside);
+    course->told = point;
+    if (course->level < 0.0 || is_outside) return;
+    const int64_t hypothesis = fb_sure(memory->state, &course->diagnosis, course->level);
+    if (hypothesis < 0) return;
+    if (fb_accept(memory->state, memory->work, hypothesis, &course->candidate)) {
+        course->is_refused = 1;
+        return;
+    }
+    course->found.is_open = 0;
+    course->found.rejected = 0;
+    course->found.accepted++;
+    write_decision(course->json, "accepted", course->diagnosis.time, &course->candidate, "rule", 0);
+}
+
+/* Pass the points that wait, and write what the core says to them. */
+static void course_pass(Course *course)
+{
+    const PlantMemory *memory = &course->plant->memory;
+    for (int first = 0; first < course->n;) {
+        const int taken = (int)fb_block(memory->state, memory->work, course->n - first, course->times + first, course->steps + first,
+                                        course->inputs + first * N_INPUTS, course->readings + first * N_OUTPUTS,
+                                        course->reports, &course->diagnosis);
+        const Report *last = &course->reports[taken - 1];
+        count_points(course, first, taken);
+        first += taken;
+        course->time = course->times[first - 1];
+        if (last->detected) tell_detection(course);
+        if (last->due) tell_diagnosis(course, course->index[first - 1], last->status == OUTSIDE);
+    }
+    course->n = 0;
+}
+
+/* Take a point; it is passed when there are many, or with course_pass. */
+static void course_take(Course *course, const Point *point)
+{
+    if (point->resumes || course->n == BLOCK) course_pass(course);
+    if (point->resumes) fb_resume(course->plant->memory.state);
+    const int k = course->n++;
+    course->index[k] = point->index;
+    course->times[k] = point->time;
+    course->steps[k] = point->dt;
+    memcpy(course->inputs + k * N_INPUTS, point->u, N_INPUTS * sizeof(double));
+    memcpy(course->readings + k * N_OUTPUTS, point->y, N_OUTPUTS * sizeof(double));
+}
+
+/* Write the last diagnosis and the end. The state is not as it was after this: to be saved before. */
+static void course_finish(Course *course, const Counts *counts)
+{
+    const PlantMemory *memory = &course->plant->memory;
+    if (course->told != counts->samples - 1 && plant_has_alarm(course->plant)) {
+        fb_diagnosis(memory->state, memory->work, &course->diagnosis);
+        fb_advice(memory->state, memory->work, &course->diagnosis, &course->advice);
+        write_diagnosis(course->json, &course->diagnosis, &course->advice, 0);
+    }
+    write_end(course->json, counts->samples ? course->time : NAN, counts, &course->found);
+}
+
+/* Say that a run was over too soon: after `many` samples, as alarms are off for the first ones. */
+static const char *many_samples(int64_t many) { return many == 1 ? "" : "s"; }
+
+/* The first name whose flag is 0. */
+static const char *first_absent(const char *const *names, const int *flags, int n)
+{
+    for (int k = 0; k < n; k++)
+        if (!flags[k]) return names[k];
+    return "";
+}
+
+static int any_flag(const int *flags, int n)
+{
+    int any = 0;
+    for (int k = 0; k < n; k++) any |= flags[k];
+    return any;
+}
+
+/* Say why this run says nothing about the plant; 0 where it does. samples: passed so far. */
+static int no_verdict(const Course *course, int64_t samples, char reason[REASON_ROOM])
+{
+    const Found *found = &course->found;
+    const int64_t holds = samples - found->waiting - found->outside;
+    const char *silent = first_absent(OUTPUT_NAMES, course->read, N_OUTPUTS);
+    if (found->watched > course->before.watched) return 0;
+    if (found->waiting == samples)
+        snprintf(reason, REASON_ROOM, "no row has a value of the input %s", first_absent(INPUT_NAMES, course->seen, N_INPUTS));
+    else if (found->outside && holds <= WARM_UP_SAMPLES)
+        snprintf(reason, REASON_ROOM,
+                 "the model holds, by `valid_when`, in %lld of %lld sample%s, and the alarms are off for the first %d",
+                 (long long)holds, (long long)samples, many_samples(samples), WARM_UP_SAMPLES);
+    else if (holds <= WARM_UP_SAMPLES)
+        snprintf(reason, REASON_ROOM, "the recording ended after %lld sample%s, and the alarms are off for the first %d",
+                 (long long)samples, many_samples(samples), WARM_UP_SAMPLES);
+    else if (course->lost)
+        snprintf(reason, REASON_ROOM,
+                 "the filter lost the plant again and again; check units, noise and accuracies in the model file");
+    else if (*silent && any_flag(course->read, N_OUTPUTS))
+        snprintf(reason, REASON_ROOM, "no row has a value of the sensor %s, and the start still waited for one", silent);
+    else
+        snprintf(reason, REASON_ROOM, "no row has a value of a sensor that is in use once the alarms are on");
+    return 1;
+}
+
+/* Whether there was a detection in this run, or stood open at its beginning; else whether it could judge. */
+static int verdict_of(const Course *course, int64_t samples)
+{
+    char reason[REASON_ROOM];
+    if (course->found.detections > course->before.detections || course->before.is_open) return VERDICT_FAULT;
+    return no_verdict(course, samples, reason) ? VERDICT_NONE : VERDICT_HEALTHY;
+}
+
+#endif

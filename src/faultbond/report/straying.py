@@ -1,0 +1,77 @@
+"""Parameters far outside what was declared, in words: of a fit, for the file that it writes, and of a model."""
+
+from collections.abc import Iterator, Sequence
+
+from faultbond.contract.json_records import Record
+from faultbond.fit.straying import Stray, doubts_of
+from faultbond.model.graph import BondGraph
+from faultbond.report.numbers import MINUS, join
+
+MOVED = 1.0  # accuracies by which a healthy parameter seems to move; more is told of a model
+
+
+def stray_texts(strays: Sequence[Stray]) -> list[str]:
+    """Say how far parameters are from what was declared, with which others, and what that means."""
+    if not strays:
+        return []
+    told = []
+    for item in strays:
+        side = "above" if item.accuracies > 0.0 else "below"
+        partners = f", together with {join(list(item.partners))}" if item.partners else ""
+        told.append(f"{item.parameter.name} {abs(item.accuracies):.0f} accuracies {side} what was declared{partners}")
+    places = join(list(places_of(strays)))
+    told.append(f"the model lacks something there, or the numbers were wrong: look at {places} before you trust it")
+    doubts = join(list(doubts_of(strays)))
+    if doubts:
+        told.append(f"`run` will not be sure which of {doubts} a fault is of, unless it is larger than that")
+    return told
+
+
+def stray_sentence(strays: Sequence[Stray]) -> str:
+    """Say in a sentence which parameters are doubtful, and what to do; empty where none is."""
+    if not strays:
+        return ""
+    names = join([item.parameter.name for item in strays])
+    are, number = ("are", "the numbers") if len(strays) > 1 else ("is", "the number")
+    return (
+        f"{names} {are} far outside what was declared: mend the model at {join(list(places_of(strays)))}, or correct "
+        f"{number} that it states, and fit again."
+    )
+
+
+def stray_remark(strays: Sequence[Stray]) -> str:
+    """Say the same on the line of a comment; empty where none strays."""
+    if not strays:
+        return ""
+    names = [f"{item.parameter.name} ({item.accuracies:+.0f} accuracies)".replace("-", MINUS) for item in strays]
+    return f" DOUBTFUL, far outside what was declared: {join(names)}; look at {join(list(places_of(strays)))}."
+
+
+def stray_records(strays: Sequence[Stray]) -> list[Record]:
+    """Give what is told of them as records."""
+    return [
+        {
+            "parameter": item.parameter.name,
+            "accuracies": item.accuracies,
+            "goes_with": list(item.partners),
+            "look_at": list(places_of([item])),
+        }
+        for item in strays
+    ]
+
+
+def places_of(strays: Sequence[Stray]) -> tuple[str, ...]:
+    """Give the components of the parameters that strayed."""
+    return tuple(dict.fromkeys(item.parameter.owner for item in strays))
+
+
+def doubtful(graph: BondGraph) -> Iterator[tuple[str, str]]:
+    """Give the parameters of a model that seem to change by more than their accuracies, and what to say of each."""
+    for item in graph.parameters:
+        times = item.healthy_change / item.accuracy if item.accuracy > 0.0 else 0.0
+        if times > MOVED:
+            yield (
+                item.name,
+                f"{item.name} seems to move by {times:.1f} accuracies (sd) while healthy: the law of {item.owner}, or "
+                "what is measured there, lacks something; a fault has to be larger to be told for sure",
+            )

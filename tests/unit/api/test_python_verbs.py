@@ -1,0 +1,150 @@
+"""From Python: the other verbs give the records and the text of the command line."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import faultbond as fb
+from faultbond.cli import main
+from faultbond.errors import FaultbondError
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+MODEL, HEALTHY = EXAMPLES / "rc" / "model.yaml", EXAMPLES / "rc" / "healthy.csv"
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    """Give the first rows of a healthy recording."""
+    path = tmp_path / "short.csv"
+    path.write_text("".join(HEALTHY.read_text().splitlines(keepends=True)[:801]))
+    return path
+
+
+def told(words: list[str], path: Path) -> list[dict[str, Any]]:
+    """Give the records of a command."""
+    assert main([*words, "--json", str(path)]) == 0
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def plainly(record: object) -> Any:
+    """Give a record as a file has it."""
+    return json.loads(json.dumps(record))
+
+
+def test_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What was understood is the record and the text of `check`."""
+    found = fb.check(MODEL)
+    assert [plainly(dict(found.record))] == told(["check", str(MODEL)], tmp_path / "told.jsonl")
+    assert str(found).split() == capsys.readouterr().out.split()
+    assert found["model"] == "RC circuit"
+    structure = fb.check(EXAMPLES / "structures" / "three_tanks.yaml")
+    assert structure["structure"]["unknowns"]
+
+
+def test_check_on_data(tmp_path: Path, short: Path) -> None:
+    """A model on trial gets the record of `check --data`."""
+    found = fb.check(MODEL, data=[short], promise="2 day")
+    words = ["check", str(MODEL), "--data", str(short), "--promise", "2 day"]
+    (record,) = told(words, tmp_path / "told.jsonl")
+    assert plainly(dict(found.record)) == record
+    assert record["promise"] == 2 * 86400
+
+
+def test_analyse(tmp_path: Path, short: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An analysis has the record and the text of `analyse`, and what is asked for most by name."""
+    found = fb.analyse(MODEL, data=short, within="2 s", closed=0)
+    words = ["analyse", str(MODEL), "--data", str(short), "--within", "2 s", "--closed", "0"]
+    (record,) = told(words, tmp_path / "told.jsonl")
+    assert plainly(dict(found.record)) == record
+    assert str(found).split() == capsys.readouterr().out.split()
+    assert found.detectable == {"R": True, "C": True}
+    assert found.isolable["R"]["C"] == record["isolable"]["R"]["C"]
+    assert {"R": found.smallest_fault["R"]["within"]} == {"R": record["smallest_fault"]["R"]["within"]}
+    assert "<pre>" in found._repr_html_()
+
+
+def test_code_and_trace(tmp_path: Path) -> None:
+    """Closed forms and the search of the thesis are those of `analyse --code` and `--trace`."""
+    (record,) = told(["analyse", str(MODEL), "--code", "python"], tmp_path / "told.jsonl")
+    assert fb.code(MODEL, "python") == record["text"]
+    (record,) = told(["analyse", str(MODEL), "--trace", "R"], tmp_path / "told.jsonl")
+    assert plainly(dict(fb.trace(MODEL, "R").record)) == record
+
+
+def test_fit(tmp_path: Path, short: Path) -> None:
+    """A fit has the record of `fit`, and its model is the file that it writes, which a run takes."""
+    output = tmp_path / "fitted.yaml"
+    words = ["fit", str(MODEL), str(short), "--starts", "1", "--fixed", "R", "-o", str(output)]
+    (record,) = told(words, tmp_path / "told.jsonl")
+    found = fb.fit(MODEL, short, starts=1, fixed="R")
+    assert plainly(dict(found.record)) | {"output": str(output)} == record
+    assert found.model.text == output.read_text()
+    assert found.parameters["C"]["estimate"] == record["parameters"][0]["estimate"]
+    assert found.noise["V_C"]["found"] == record["noise"][0]["found"]
+    assert found.quieted is None
+    found.report(tmp_path / "fit.html")
+    assert "RC circuit" in (tmp_path / "fit.html").read_text()
+
+
+def test_simulate(tmp_path: Path, short: Path) -> None:
+    """A simulation is the file that `simulate` writes; a frame of inputs is as good as their file."""
+    words = ["simulate", str(MODEL), "--inputs", str(short), "--fault", "C=x1.6@8", "--seed", "3", "--spread", "3 %"]
+    assert main([*words, "-o", str(tmp_path / "cli.csv")]) == 0
+    found = fb.simulate(MODEL, short, faults="C=x1.6@8", seed=3, spread="3 %", output=tmp_path / "api.csv")
+    assert (tmp_path / "api.csv").read_text() == (tmp_path / "cli.csv").read_text()
+    assert found.seed == 3
+    frame = found.to_frame()
+    table = np.genfromtxt(short, delimiter=",", names=True)
+    inputs = {name: table[name] for name in ("time", "V")}
+    again = fb.simulate(MODEL, inputs, faults=["C=x1.6@8"], seed=3, spread=0.03, start=dict(found.start)).to_frame()
+    assert np.array_equal(again["V_C"], frame["V_C"])
+    result = fb.run(MODEL, frame)
+    assert result.verdict == "fault"
+
+
+def test_models_built_in_python(short: Path) -> None:
+    """A bond graph that was built in Python is a model, with the text of a file, and the other way round."""
+    graph = fb.load_model(MODEL)
+    assert fb.run(graph, short).verdict == "healthy"
+    again = fb.Model(graph.text)
+    assert again.graph.sha256 == graph.sha256
+    assert [(item.name, item.nominal, item.unit.text) for item in again.parameters] == [
+        ("R", 1e4, "kohm"),
+        ("C", pytest.approx(1e-4), "uF"),
+    ]
+    assert (again.inputs[0].column, again.sensors[0].unit.text) == ("V", "V")
+
+
+def test_a_model_is_saved(tmp_path: Path) -> None:
+    """A model writes its file."""
+    model = fb.example("tank")
+    model.save(tmp_path / "tank.yaml")
+    assert fb.load(tmp_path / "tank.yaml").text == model.text
+    assert repr(model).startswith("<Model 'water tank' of ")
+
+
+MISTAKES: dict[str, tuple[Callable[[], object], str]] = {
+    "prior": (lambda: fb.fit(MODEL, HEALTHY, prior="strong"), "prior 'strong': expected widened"),
+    "starts": (lambda: fb.fit(MODEL, HEALTHY, starts=0), "starts=0: expected a whole number from 1 to 100"),
+    "names": (lambda: fb.analyse(MODEL, separate=["R,"]), "expected names"),
+    "twice": (lambda: fb.trace(MODEL, "R", "R"), "a name stands there twice"),
+    "both": (lambda: fb.analyse(MODEL, fewest=True, least_noise=True), "give one of them"),
+    "a form": (lambda: fb.code(MODEL, "rust"), "form 'rust': expected python, c or latex"),
+    "a time": (lambda: fb.analyse(MODEL, within="3 V"), "within: "),
+    "a part": (lambda: fb.simulate(MODEL, HEALTHY, spread="3 V"), "spread='3 V': expected a percentage"),
+    "a fault": (lambda: fb.simulate(MODEL, HEALTHY, faults="C"), "expected NAME=VALUE@TIME"),
+    "a folder": (lambda: fb.example("tank").save("nowhere/model.yaml"), "nowhere/model.yaml: it cannot be written"),
+    "a parameter": (lambda: fb.trace(MODEL, "K"), "no parameter K; there are R, C"),
+}
+
+
+@pytest.mark.parametrize("kind", MISTAKES)
+def test_mistakes_of_options(kind: str) -> None:
+    """An option that is wrong is named, with what is expected."""
+    call, message = MISTAKES[kind]
+    with pytest.raises(FaultbondError, match=message):
+        call()

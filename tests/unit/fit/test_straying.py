@@ -1,0 +1,179 @@
+"""Parameters far outside what was declared: what is told of them, and what may be missing in their place."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from faultbond.app.quiet_fit import _next
+from faultbond.cli import DONE, main
+from faultbond.fit.cure import cured, strayed
+from faultbond.fit.foothold import Footing
+from faultbond.fit.quiet_search import FEWEST, WORTH, Search
+from faultbond.fit.straying import INSIDE, strayed_by
+from faultbond.io.recording import write_recording
+from faultbond.model.text import load_model, parse_model
+
+MODEL = """# a winding
+name: winding
+sample_time: 0.02 s
+accuracy: 3 %
+inputs: {V: {unit: V}}
+components:
+  source: {type: Se, law: e = V}
+  R: {type: R, parameters: {R: RESISTANCE}}
+  cable: {type: R, parameters: {R_c: 1 ohm}}
+  L: {type: I, parameters: {L: {nominal: 2.5 H, accuracy: 5 %}}, start: {p: 0 V*s, sd: 0.001 V*s}}
+junctions: {armature: 1}
+bonds: [source -> armature -> R, armature -> cable, armature -> L]
+sensors: {i: {reads: armature.f, unit: A, noise: 20 mA}}
+"""
+TOTAL, INDUCTANCE, NOISE = 4.0, 2.5, 0.02
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """Write a recording of a winding with its cable under a voltage that jumps."""
+    rng, step, rows = np.random.default_rng(4), 0.02, 400
+    voltage = np.where(np.arange(rows) // 50 % 2 == 0, 6.0, -2.0)
+    current, values = 0.0, []
+    for k in range(rows):
+        values.append(current + NOISE * rng.standard_normal())
+        decay = np.exp(-TOTAL / INDUCTANCE * step)
+        current = decay * current + (1.0 - decay) * voltage[k] / TOTAL
+    path = tmp_path / "a.csv"
+    time = np.asarray(step * np.arange(rows), dtype=np.float64)
+    write_recording(path, {"time": time, "V": voltage, "i": np.array(values)})
+    return path
+
+
+def fitted(recording: Path, resistance: str, *words: str) -> tuple[dict[str, Any], Path]:
+    """Fit a model to a recording; give the record and the new file."""
+    model, new, target = (recording.with_name(name) for name in ("model.yaml", "new.yaml", "fit.jsonl"))
+    model.write_text(MODEL.replace("RESISTANCE", resistance), encoding="utf-8")
+    options = ("-o", str(new), "--starts", "1", "--json", str(target), *words)
+    assert main(["fit", str(model), str(recording), *options]) == DONE
+    return dict(json.loads(target.read_text(encoding="utf-8"))), new
+
+
+def test_what_strayed_with_another_is_doubtful(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a resistance and its cable only the sum shows; it is off by far: both are named, and no fault is sure of one.
+
+    The record, the text, the comment of the file and `check` say so.
+    """
+    found, new = fitted(recording, "2 ohm")
+    told = {item["parameter"]: item for item in found["strayed"]}
+    assert set(told) == {"R", "R_c"}
+    assert told["R"]["accuracies"] > INSIDE
+    assert (told["R"]["goes_with"], told["R_c"]["goes_with"]) == (["R_c"], ["R"])
+    assert told["R"]["look_at"] == ["R"]
+    graph = load_model(new)
+    for name in told:
+        moved = abs(graph.parameter(name).nominal - {"R": 2.0, "R_c": 1.0}[name])
+        assert graph.parameter(name).healthy_change >= 0.99 * moved
+    first = new.read_text(encoding="utf-8").splitlines()[0]
+    assert "DOUBTFUL, far outside what was declared: R (+" in first
+    assert first.endswith("look at R and cable.")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "accuracies above what was declared, together with R_c" in said
+    assert "R and R_c are far outside what was declared: mend the model at R and cable" in said
+
+
+def test_check_names_what_seems_to_move_far(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A parameter that seems to move by more than its accuracy is a place where the model lacks something."""
+    model = recording.with_name("model.yaml")
+    moves = "{nominal: 2 ohm, healthy_change: 10 %}"
+    model.write_text(MODEL.replace("RESISTANCE", moves), encoding="utf-8")
+    assert main(["check", str(model)]) == DONE
+    assert "R seems to move by 3.3 accuracies (sd) while healthy: the law of R" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    model.write_text(MODEL.replace("RESISTANCE", moves.replace("10 %", "2 %")), encoding="utf-8")
+    assert main(["check", str(model)]) == DONE
+    assert "seems to move" not in capsys.readouterr().out
+
+
+def test_what_stays_inside_is_not_doubtful(recording: Path) -> None:
+    """A right model says nothing of straying, nor one whose accuracies were not to count; its file has no doubts."""
+    found, new = fitted(recording, "3 ohm")
+    assert found["strayed"] == []
+    assert "DOUBTFUL" not in new.read_text(encoding="utf-8")
+    assert fitted(recording, "2 ohm", "--prior", "none")[0]["strayed"] == []
+
+
+def test_distances_are_those_of_the_prior() -> None:
+    """A positive parameter is off by the logarithm of its factor, another by its difference, an exact one by none."""
+    item = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml").parameter("R")
+    assert strayed_by(item, 2.0 * np.exp(0.06)) == pytest.approx(2.0)
+    assert strayed_by(item, 2.0 * np.exp(-0.06)) == pytest.approx(-2.0)
+    assert strayed_by(replace(item, lower=-np.inf), 2.12) == pytest.approx(2.0)
+    assert strayed_by(replace(item, accuracy=0.0), 9.0) == 0.0
+
+
+class Cured(SimpleNamespace):
+    """A search in which something explains `gain` nats with a resistance inside, and `free` more with it let go."""
+
+    def ground(self, graph: object) -> SimpleNamespace:
+        return SimpleNamespace(climbed=self.climbed)
+
+    def climbed(self, stand: Footing) -> Footing:
+        if self.inside:
+            return replace(stand, held=-500.0, values={"R": 2.1})
+        if "R" in self.believed:
+            return replace(stand, held=self.gain, values={"R": self.ends})
+        return replace(stand, held=self.gain + self.free, values={"R": 3.0})
+
+    def better(self, stand: Footing) -> Footing | None:
+        return replace(stand, held=self.gain) if self.found else None
+
+
+@pytest.mark.parametrize(
+    ("case", "is_cured"),
+    [
+        ({}, True),
+        ({"found": False}, False),
+        ({"gain": 0.5 * WORTH}, False),
+        ({"free": FEWEST + 1.0}, False),
+        ({"ends": 3.0}, False),
+    ],
+)
+def test_what_is_missing_is_kept_where_it_explains_as_much(case: dict[str, float], is_cured: bool) -> None:
+    """It is kept where it foretells better, lets the parameter stay, and letting it go would gain hardly more.
+
+    Then the declared accuracy counts from there on; else all is as it was.
+    """
+    graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
+    parameters = tuple(enumerate(graph.parameters))
+    known = {item.name: item.nominal for item in graph.parameters}
+    stand = Footing(graph=graph, values=known | {"R": 3.0}, starts={}, held=0.0)
+    options = {"found": True, "gain": 50.0, "free": 1.0, "ends": 2.1} | case
+    fake = Cured(
+        parameters=parameters, own=(), tell=lambda _: None, inside=frozenset(), believed=frozenset(), refused=set()
+    )
+    fake.__dict__.update(options)
+    search = cast(Search, fake)
+    real = fake.climbed
+    fake.climbed = lambda stand: replace(real(stand), values=known | real(stand).values)
+    assert strayed(search, stand) == {"R"}
+    found = cured(search, stand)
+    assert (found is not None) == is_cured
+    assert search.believed == ({"R"} if is_cured else frozenset())
+    assert search.inside == frozenset()
+    if found is not None:
+        assert found.values["R"] == 2.1
+
+
+def test_each_is_asked_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What strays whatever is added is not asked again round by round."""
+    asked: set[str] = set()
+    calls: list[str] = []
+    monkeypatch.setattr("faultbond.app.quiet_fit.strayed", lambda *_: frozenset({"R"}))
+    monkeypatch.setattr("faultbond.app.quiet_fit.cured", lambda *_: calls.append("cured"))
+    search = cast(Search, SimpleNamespace(better=lambda _: calls.append("better")))
+    for _ in range(2):
+        assert _next(search, cast(Footing, None), asked) is None
+    assert calls == ["cured", "better", "better"]
