@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from decimal import Decimal
 from numbers import Real
 from pathlib import Path
 from types import MappingProxyType
@@ -12,7 +13,7 @@ import numpy as np
 
 from faultbond.api.plant_model import Model, ModelLike, as_model
 from faultbond.api.ranked import RankedCandidate, ranked
-from faultbond.api.verbs import PathLike, level_of
+from faultbond.api.verbs import PathLike, level_of, method_of
 from faultbond.app.course import Finding
 from faultbond.app.decision import NO_ALARM, chosen_hypothesis
 from faultbond.app.kept_run import read_before
@@ -80,10 +81,7 @@ class Monitor:
     """
 
     def __init__(self, model: ModelLike, *, method: str = "bank", accept: float | str | None = None) -> None:
-        known = [item.value for item in Method]
-        if method not in known:
-            raise FaultbondError(f"method={method!r}: expected {' or '.join(known)}")
-        self._begin(as_model(model), Method(method), accept, None)
+        self._begin(as_model(model), method_of(method), accept, None)
 
     def _begin(self, model: Model, method: Method, accept: float | str | None, before: Saved | None) -> None:
         if is_circuit(model.source) or model.graph.grid is TimeGrid.NONE:
@@ -269,7 +267,8 @@ class Monitor:
         clock = self._columns.time.column
         fields = [time if name == clock else values.get(name) for name in self._header]
         for name, value in zip(self._header, fields, strict=True):
-            if name != clock and not (value is None or isinstance(value, Real | str | np.bool_)):
+            known = value is None or isinstance(value, Real | Decimal | str | np.bool_) or repr(value) == "<NA>"
+            if name != clock and not known:
                 raise RecordingError(f"column {name!r} is a {type(value).__name__}. Give a number.")
         if isinstance(time, np.datetime64):
             fields[self._header.index(str(clock))] = time.astype("datetime64[us]").item()

@@ -1,6 +1,6 @@
 """A figure of a run, drawn by matplotlib."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 WIDTH, HIGH = 9.0, 2.2  # inches, of the figure and of each of its parts
 BAND = 2.0  # standard deviations
 MOST = 5  # candidates that are drawn
+BESIDE: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "fontsize": "small"}  # a legend
 
 
 def plotted(graph: BondGraph, history: History) -> "Figure":
@@ -57,19 +58,21 @@ def _draw_sensor(part: "Axes", graph: BondGraph, history: History, k: int) -> No
     part.plot(time, (history.measured[:, k] - offset) / factor, color="tab:blue", linewidth=0.8, label="measured")
     part.plot(time, expected, color="tab:orange", linewidth=0.8, label="expected")
     part.set_ylabel(f"{sensor.name} ({sensor.unit.text})" if sensor.unit.text else sensor.name)
-    part.legend(loc="upper left", fontsize="small")
+    part.legend(**BESIDE)
 
 
 def _draw_candidates(part: "Axes", history: History) -> None:
-    """Draw the probabilities of the candidates that are best at the end."""
-    best = [_name(item) for item in history.diagnoses[-1].candidates[:MOST]]
+    """Draw the probabilities of the candidates that were likeliest at some time."""
     times = np.array([item.time for item in history.diagnoses])
     told = [{_name(item): item.probability for item in diagnosis.candidates} for diagnosis in history.diagnoses]
-    for name in best:
-        part.plot(times, [found.get(name, 0.0) for found in told], marker=".", label=name)
+    highest: dict[str, float] = {}
+    for found in reversed(told):
+        highest |= {name: max(value, highest.get(name, 0.0)) for name, value in found.items()}
+    for name in sorted(highest, key=lambda name: -highest[name])[:MOST]:
+        part.plot(times, [found.get(name, 0.0) for found in told], marker=".", markersize=3, label=name)
     part.set_ylim(-0.02, 1.02)
     part.set_ylabel("probability")
-    part.legend(loc="upper left", fontsize="small")
+    part.legend(**BESIDE)
 
 
 def _name(candidate: Candidate) -> str:

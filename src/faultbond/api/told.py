@@ -41,15 +41,7 @@ class Told:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
 class Analysis(Told):
-    """What a plant's sensors can tell of its faults; all keys are in docs/commands.md. Absent parts are empty.
-
-    Example
-    -------
-    >>> import faultbond as fb
-    >>> found = fb.analyse(fb.example("tank"), closed=0)
-    >>> found.detectable["K1"], found.isolable["K1"]["K4"], ["K1"] in found.testable
-    (True, True, True)
-    """
+    """What a plant's sensors can tell of its faults; all keys are in docs/commands.md. Absent parts are empty."""
 
     @property
     def detectable(self) -> Mapping[str, bool]:

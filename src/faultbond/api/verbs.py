@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from numbers import Integral, Real
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeAlias
@@ -17,12 +18,14 @@ from faultbond.app.any_run import watch_any
 from faultbond.app.decision import accepted_in, rejected_in
 from faultbond.app.identification import identified, tried
 from faultbond.app.model_check import understood
+from faultbond.app.outputs import refuse_outputs
 from faultbond.app.section import Show
 from faultbond.app.simulation import Simulated, simulated
 from faultbond.app.wishes import FitWishes, Imperfections, Wanted, Wishes
 from faultbond.contract.findings import Decision
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
+from faultbond.io.files import identity
 from faultbond.io.memory_table import MemoryTable, Recording, table_of
 from faultbond.io.out import Out, finite, open_out
 from faultbond.io.recording import write_recording
@@ -72,7 +75,8 @@ def run(
     'healthy'
     """
     plant = as_model(model)
-    wanted = Wanted(method=_method(method), report=_path(report), accept=level_of(accept), state=_path(state))
+    wanted = Wanted(method=method_of(method), report=_path(report), accept=level_of(accept), state=_path(state))
+    _refuse_outputs(plant, [recording], state=state, report=report, json=json)
     with _records(json) as out:
         found = watch_any(plant.source, recording_of(recording), wanted=wanted, out=out, curves=True)
     result = Result(model=plant, of_run=found)
@@ -140,6 +144,13 @@ def analyse(
     ------
     FaultbondError
         Where something is wrong with the model, the recording or an option.
+
+    Example
+    -------
+    >>> import faultbond as fb
+    >>> found = fb.analyse(fb.example("rc"), closed=0)
+    >>> found.detectable["R"], found["sensors"]
+    (True, ['V_C'])
     """
     wishes = _wishes(
         data=None if data is None else recording_of(data),
@@ -252,6 +263,8 @@ def fit(
         own=_names(per_recording) if per_recording else (),
         until_quiet=until_quiet,
     )
+    given = recordings if isinstance(recordings, list | tuple) else [recordings]
+    _refuse_outputs(source, given, output=output, report=report)
     found = identified(source.source, recordings_of(recordings), wishes=wishes)
     records = found.records(_path(output))
     fitted = FittedModel(
@@ -359,6 +372,7 @@ def simulate(
     ['time', 'u_in', 'u_out', 'flow', 'pressure']
     """
     plant = as_model(model)
+    _refuse_outputs(plant, [inputs], output=output)
     found = simulated(
         plant.source,
         inputs=recording_of(inputs),
@@ -419,8 +433,23 @@ def recording_of(recording: object) -> Recording:
 
 
 def recordings_of(given: object) -> tuple[Recording, ...]:
-    """Give one recording, or each of a list."""
-    return tuple(map(recording_of, given)) if isinstance(given, list | tuple) else (recording_of(given),)
+    """Give one recording, or each of a list.
+
+    Raises
+    ------
+    FaultbondError
+        Where the list is empty, or holds a frame twice.
+    """
+    if not isinstance(given, list | tuple):
+        return (recording_of(given),)
+    if not given:
+        raise FaultbondError("an empty list: give at least one recording")
+    if len({id(item) for item in given if not isinstance(item, str)}) < sum(
+        not isinstance(item, str) for item in given
+    ):
+        raise FaultbondError("a recording is given twice; give each once")
+    found = enumerate(map(recording_of, given), start=1)
+    return tuple(item.numbered(k) if isinstance(item, MemoryTable) and len(given) > 1 else item for k, item in found)
 
 
 def level_of(accept: float | str | None) -> float | None:
@@ -435,7 +464,7 @@ def level_of(accept: float | str | None) -> float | None:
         return None
     if accept == "auto":
         return SURE
-    if isinstance(accept, str) or not LOWEST_LEVEL <= accept <= 1.0:
+    if not isinstance(accept, Real) or not LOWEST_LEVEL <= accept <= 1.0:
         raise FaultbondError(
             f"accept={accept!r}: expected auto, or a probability from {LOWEST_LEVEL:g} to 1, such as 0.99"
         )
@@ -452,7 +481,7 @@ def seconds_of(value: QuantityLike, option: str) -> float:
     """
     if isinstance(value, str):
         return duration(value, f"{option}: ")
-    if not value >= 0.0:
+    if not isinstance(value, Real) or not value >= 0.0:
         raise FaultbondError(f"{option}={value!r}: expected a time, such as '60 s', or seconds")
     return float(value)
 
@@ -467,7 +496,30 @@ def _records(json: PathLike | None) -> Iterator[Out]:
         yield replace(out, text=None)
 
 
-def _method(method: str) -> Method:
+def _refuse_outputs(
+    model: Model,
+    recordings: Sequence[object],
+    *,
+    state: PathLike | None = None,
+    output: PathLike | None = None,
+    report: PathLike | None = None,
+    json: PathLike | None = None,
+) -> None:
+    """Refuse to write over what is read, as the command line does."""
+    read = [(identity(Path(model.file)), "the model")]
+    read += [(identity(Path(item)), "a recording") for item in recordings if isinstance(item, str | os.PathLike)]
+    written = {"the state": state, "the output": output, "the report": report, "the file of records": json}
+    refuse_outputs(read, [(Path(path), what) for what, path in written.items() if path is not None])
+
+
+def method_of(method: str) -> Method:
+    """Give a method by its name.
+
+    Raises
+    ------
+    FaultbondError
+        Where there is none of that name.
+    """
     known = [item.value for item in Method]
     if method not in known:
         raise FaultbondError(f"method={method!r}: expected {' or '.join(known)}")
@@ -501,6 +553,8 @@ def _wishes(
 
 def _names(given: str | Sequence[str]) -> tuple[str, ...]:
     """Give names, of a text with commas between or of a sequence."""
+    if not isinstance(given, str) and not all(isinstance(item, str) for item in given):
+        raise FaultbondError(f"{given!r}: expected names, such as ['R', 'L'] or 'R,L'")
     names = tuple(name.strip() for item in ([given] if isinstance(given, str) else given) for name in item.split(","))
     if not all(names) or not names:
         raise FaultbondError(f"{given!r}: expected names, such as ['R', 'L'] or 'R,L'")
@@ -510,17 +564,18 @@ def _names(given: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def _whole(value: int, option: str, least: int, most: int | None) -> int:
-    if isinstance(value, bool) or int(value) != value or value < least or (most is not None and value > most):
+    is_whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if not is_whole or value < least or (most is not None and value > most):
         raise FaultbondError(f"{option}={value!r}: expected a whole number from {least}{f' to {most}' if most else ''}")
     return int(value)
 
 
 def _part(value: QuantityLike, option: str) -> float:
     """Give a part of 1, of a text in percent or of a number."""
-    if not isinstance(value, str):
+    if isinstance(value, Real):
         return float(value)
-    found = spread(value)
-    if not found.is_relative:
+    found = spread(value, f"{option}: ") if isinstance(value, str) else None
+    if found is None or not found.is_relative:
         raise FaultbondError(f"{option}={value!r}: expected a percentage, such as '3 %', or a part of 1")
     return found.ratio
 

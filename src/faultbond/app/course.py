@@ -251,7 +251,8 @@ class Course:
 
         outside: the model does not hold now, so that nothing new is known.
         """
-        self._out.record(diagnosis_record(diagnosis, outside=outside))
+        if self._out.json is not None:  # a long text, for which a program that asks for results has no use
+            self._out.record(diagnosis_record(diagnosis, outside=outside))
         self._hear(diagnosis)
         self._told = sample
         if self._level is None or outside:

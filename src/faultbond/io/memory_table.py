@@ -32,6 +32,10 @@ class MemoryTable:
     def __str__(self) -> str:
         return self.title
 
+    def numbered(self, number: int) -> "MemoryTable":
+        """Give the same with a number in its title, as one of several."""
+        return MemoryTable(f"{self.title} {number}", self.names, self._column)
+
     def column(self, name: str) -> NDArray[Any]:
         """Give a column, (n_rows,).
 

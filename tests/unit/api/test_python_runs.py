@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -264,6 +265,18 @@ def test_times_of_rows() -> None:
         monitor = fb.Monitor(MODEL)
         assert monitor.update(time, ROW) is None
         assert monitor.counts["time"] == moment.timestamp()
+
+
+def test_values_of_rows() -> None:
+    """A value is any number, a text of one, or none; what is missing is counted."""
+    monitor = fb.Monitor(MODEL)
+    for k, value in enumerate((1, 1.0, Decimal(1), np.float32(1.0), "1", True)):
+        monitor.update(0.02 * k, {"V": value, "V_C": 0.0, "more": object()})
+    assert monitor.counts["missing"] == 0
+    for k, value in enumerate((None, float("nan"), pandas.NA, ""), start=6):
+        monitor.update(0.02 * k, {"V": value, "V_C": 0.0})
+    monitor.update(0.2, {"V_C": 0.0})
+    assert (monitor.counts["missing"], monitor.counts["samples"]) == (5, 11)
 
 
 def test_results_show_themselves(short: Path) -> None:

@@ -127,9 +127,26 @@ def test_a_model_is_saved(tmp_path: Path) -> None:
     assert repr(model).startswith("<Model 'water tank' of ")
 
 
+def test_frames_are_fitted_together(short: Path) -> None:
+    """Several frames are as good as their files, and are told apart by numbers."""
+    table = np.genfromtxt(short, delimiter=",", names=True)
+    columns = {name: table[name] for name in table.dtype.names or ()}
+    parts = [{name: values[part] for name, values in columns.items()} for part in (slice(300), slice(300, None))]
+    found = fb.check(MODEL, data=parts)
+    assert [item["recording"] for item in found["recordings"]] == ["the recording 1", "the recording 2"]
+    for given, message in (([parts[0], parts[0]], "given twice"), ([], "at least one recording")):
+        with pytest.raises(FaultbondError, match=message):
+            fb.fit(MODEL, given)
+
+
 MISTAKES: dict[str, tuple[Callable[[], object], str]] = {
     "prior": (lambda: fb.fit(MODEL, HEALTHY, prior="strong"), "prior 'strong': expected widened"),
     "starts": (lambda: fb.fit(MODEL, HEALTHY, starts=0), "starts=0: expected a whole number from 1 to 100"),
+    "starts as text": (lambda: fb.fit(MODEL, HEALTHY, starts="x"), "starts='x': expected a whole"),  # type: ignore[arg-type]
+    "a list": (lambda: fb.simulate(MODEL, HEALTHY, lag=[3]), r"lag=\[3\]: expected a time"),  # type: ignore[arg-type]
+    "the model": (lambda: fb.fit(MODEL, HEALTHY, output=MODEL), "this is the model and would be the output too"),
+    "a recording": (lambda: fb.run(MODEL, HEALTHY, report=HEALTHY), "is a recording and would be the report too"),
+    "no folder": (lambda: fb.run(MODEL, HEALTHY, json="nowhere/x"), "there is no folder nowhere"),
     "names": (lambda: fb.analyse(MODEL, separate=["R,"]), "expected names"),
     "twice": (lambda: fb.trace(MODEL, "R", "R"), "a name stands there twice"),
     "both": (lambda: fb.analyse(MODEL, fewest=True, least_noise=True), "give one of them"),
