@@ -91,6 +91,6 @@ def test_help_has_an_example(verb: Verb, capsys: pytest.CaptureFixture[str]) -> 
     with pytest.raises(SystemExit):
         main([verb.name, "--help"])
     example = " ".join(capsys.readouterr().out.rpartition("Example: ")[2].split())
-    command = re.search(r"faultbond ([^)\"]+)", example)
+    command = re.search(r"faultbond ([^)\"&|;]+)", example)
     assert command is not None
     assert build_parser().parse_args(shlex.split(command[1])).verb == verb.name

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from faultbond.app.installation import GIVES, requirements
-from faultbond.cli import main
+from faultbond.cli import build_parser, main
+from faultbond.cli.completion import verbs_of
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -110,3 +111,11 @@ def test_requirements_are_those_of_the_project() -> None:
     read = {(item.package, item.least) for item in requirements() if not item.extra}
     assert read == {tuple(text.split(">=")) for text in PROJECT["dependencies"]}
     assert set(GIVES) >= set(PROJECT["optional-dependencies"])
+
+
+def test_abilities_name_every_verb(tmp_path: Path) -> None:
+    """What works is told of each verb, but of the two that always work."""
+    _, record = asked(tmp_path)
+    told = [record["checks"][name]["told"] for name in ("reading models", "watching plants")]
+    verbs = {verb.name for verb in verbs_of(build_parser())} - {"doctor", "completion"}
+    assert {word for text in told for word in text.split(", ")} == verbs

@@ -27,7 +27,7 @@ MODULES = {"pyyaml": "yaml"}  # of packages that are imported by another name th
 GIVES = {  # what each extra is for
     "compiler": "a C compiler for machines that have none",
     "parquet": "recordings as Parquet",
-    "plot": "figures of results",
+    "plot": "figures of results, `result.plot()`",
 }
 PROBE, ANSWER = "int answer(void) { return 42; }\n", 42
 READING, WATCHING, KEEPING = "reading models", "watching plants", "starting at once"
@@ -248,7 +248,7 @@ def _abilities(found: list[Finding]) -> list[Finding]:
     }
     verbs = {
         READING: "check, analyse, simulate",
-        WATCHING: "run, demo, fit, accept, reject",
+        WATCHING: "run, demo, fit, accept, reject, generate",
         KEEPING: "a model is compiled once, at its first run",
     }
     found = []
