@@ -25,6 +25,7 @@ LATE_IMPORTS = (
     ("app", "faultbond.analysis"),  # loads casadi and sympy
     ("app", "faultbond.app.answers"),  # loads sympy
     ("app", "faultbond.app.network_run"),  # loads casadi and sympy
+    ("app", "faultbond.app.self_test"),  # loads casadi and scipy
     ("app", "faultbond.app.quiet_fit"),  # loads casadi and scipy
     ("app", "faultbond.model.text"),  # loads yaml
     ("app", "faultbond.app.classic"),  # loads casadi and sympy

@@ -1,8 +1,18 @@
-"""Enumerations shared by every layer, and the one number that the command line and the core share."""
+"""Enumerations shared by every layer, and what the command line shares with the core and the code that is generated."""
 
 from enum import Enum
 
 SURE = 0.95  # probability of a candidate from which a rule accepts it, if nothing else is said
+TARGETS = (  # machines that a generated program is built for; the first is the one where it is built
+    "native",
+    "x86_64-linux-static",
+    "aarch64-linux",
+    "armv7-linux",
+    "riscv64-linux",
+    "x86_64-windows",
+    "aarch64-macos",
+    "wasm32-wasi",
+)
 
 
 class ElementType(Enum):

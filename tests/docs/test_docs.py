@@ -64,6 +64,7 @@ RECORDS = {
     ),
     "trace": "model targets ending expanded distinct steps observations",
     "code": "model form text",
+    "generate": "model output target files watch_only lanes state_bytes work_bytes saved_bytes test_fault",
 }
 BY_NAME = {"detectable": 1, "isolable": 2, "smallest_fault": 1, "effects": 1, "by_causality": 1, "noise": 1}
 BY_NAME |= {"other_values": 1}  # levels of keys that are names of parameters, sensors and the like

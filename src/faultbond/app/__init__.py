@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from faultbond.app.any_run import run
     from faultbond.app.decision import accept, reject
     from faultbond.app.demonstration import demo
+    from faultbond.app.generation import generate
     from faultbond.app.identification import check_data, fit
     from faultbond.app.model_check import check
     from faultbond.app.simulation import simulate
@@ -29,6 +30,7 @@ __all__ = [
     "check_data",
     "demo",
     "fit",
+    "generate",
     "print_code",
     "reject",
     "run",
@@ -42,6 +44,7 @@ __getattr__ = lazily(
         "analysis": "analyse print_code trace",
         "decision": "accept reject",
         "demonstration": "demo",
+        "generation": "generate",
         "identification": "check_data fit",
         "model_check": "check",
         "any_run": "run",

@@ -12,7 +12,7 @@ from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
 from faultbond.io.out import Out
-from faultbond.types import SURE, Method, Verdict
+from faultbond.types import SURE, TARGETS, Method, Verdict
 
 DONE, FAULT_DETECTED, NO_VERDICT = 0, 1, 4
 CODES = {Verdict.HEALTHY: DONE, Verdict.FAULT: FAULT_DETECTED, Verdict.NONE: NO_VERDICT}
@@ -22,6 +22,7 @@ LOWEST_LEVEL = 0.5  # a diagnosis that is less likely than its opposite is accep
 MAX_CLOSED = 5
 MAX_BUDGET = 1000
 MOST_STARTS = 100
+MOST_LANES = 1_000_000
 REPORT = "write a report to open in a browser"
 
 VerbCall = Callable[[argparse.Namespace, Out], int]
@@ -46,7 +47,7 @@ Subparsers: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 def add_verbs(verbs: Subparsers) -> None:
     """Add all verbs, in the order in which the help shows them."""
-    for add in (_add_check, _add_analyse, _add_fit, _add_simulate, _add_run, _add_decisions, _add_demo):
+    for add in (_add_check, _add_analyse, _add_fit, _add_simulate, _add_run, _add_decisions, _add_generate, _add_demo):
         add(verbs)
 
 
@@ -315,6 +316,47 @@ def _add_decisions(verbs: Subparsers) -> None:
         add("names", metavar="NAME", nargs=number, help=f"{meaning}{default}")
         if verb == "accept":
             add("--repaired", action="store_true", help="it was the fault and is mended: nominal again")
+
+
+def _add_generate(verbs: Subparsers) -> None:
+    """Add `generate`."""
+
+    def call(arguments: argparse.Namespace, out: Out) -> int:
+        app.generate(
+            arguments.model,
+            output=arguments.folder,
+            target=arguments.target,
+            lanes_at_most=arguments.lanes_at_most,
+            watch_only=arguments.watch_only,
+            out=out,
+        )
+        return DONE
+
+    example = "faultbond generate model.yaml -o plant && make -C plant && plant/watch < recording.csv"
+    summary = "write a program and a library in C that watch the plant, and need nothing else"
+    add = _add_verb(verbs, "generate", call, summary, example).add_argument
+    add("-o", "--output", dest="folder", metavar="DIR", type=Path, required=True, help="folder to write")
+    add(
+        "--target",
+        metavar="NAME",
+        type=_target,
+        default=TARGETS[0],
+        help=f"what its Makefile builds for if it is not told: {', '.join(TARGETS)} (default: %(default)s)",
+    )
+    add(
+        "--lanes-at-most",
+        metavar="N",
+        type=_number("--lanes-at-most", 1, MOST_LANES),
+        help="test no more hypotheses than fit in N filters, those of the lowest cost first (default: all)",
+    )
+    add("--watch-only", action="store_true", help="raise alarms, and name no fault: less memory and code")
+
+
+def _target(name: str) -> str:
+    """Refuse a target that is not known."""
+    if name not in TARGETS:
+        raise FaultbondError(f"--target {name}: no such target; one of {', '.join(TARGETS)}")
+    return name
 
 
 def _add_demo(verbs: Subparsers) -> None:

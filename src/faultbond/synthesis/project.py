@@ -1,0 +1,212 @@
+"""A project in C and C++ of one model: all files of the folder that `generate` writes, as texts.
+
+In it are the core as it is, the model's own tables and functions, a face of the library, and what builds and tests it.
+The same model gives the same bytes: no date, no path, no order of sets. Templates look like their target; what stands
+in double braces there is put in here.
+"""
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from importlib.resources import files
+
+from faultbond.contract.couples import PER_COUPLE, n_coupled
+from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.reserve import PER_SET, n_grown
+from faultbond.contract.slots import plan_slots
+from faultbond.contract.spec import EngineSpec
+from faultbond.errors import GenerationError, plain
+from faultbond.io.recording import columns_of
+from faultbond.model.graph import BondGraph
+from faultbond.model.parser import number_text, to_text
+from faultbond.synthesis.columns_text import columns_text
+from faultbond.synthesis.names_text import names_text
+from faultbond.synthesis.readable import enumeration, in_comment, laws_of, readable_model, tested
+from faultbond.types import TARGETS
+
+FLEETS = ("alone.h", "fleet.c", "fleet.h", "threads.c")  # files of the core that only fleets need
+_WITH_CORE = "plant.c"  # a program without the library has the core in this text of its
+_HOLE = re.compile(r"\{\{(\w+)\}\}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProjectParts:
+    """What a project is made of.
+
+    graph, spec : the model, and its contract
+    model : `model.h`, as `model_text` gives it
+    sizes : bytes of a state, of work memory and of a saved state, by these names
+    recording, records : of the self-test: CSV, and the JSON lines that `run` writes of it
+    target : what `make` builds for if it is not told
+    """
+
+    graph: BondGraph
+    spec: EngineSpec
+    model: str
+    sizes: Mapping[str, int]
+    recording: str
+    records: str
+    target: str = TARGETS[0]
+
+
+def project_files(parts: ProjectParts) -> dict[str, str]:
+    """Give the files of a project, by their paths in its folder."""
+    holes = _holes(parts)
+    own = ("Makefile", "CMakeLists.txt", "README.md", "faultbond.h", "fb.hpp", "library.c", "example.c")
+    found = {name: _filled(name, holes) for name in own}
+    found["model.h"] = readable_model(parts.model, parts.spec, parts.graph)
+    found["columns.h"], found["names.h"] = columns_text(parts.spec, columns_of(parts.graph)), names_text(parts.spec)
+    found |= {f"core/{name}": text for name, text in _folder("core").items() if name not in FLEETS}
+    found |= {f"program/{name}": text for name, text in _folder("program").items() if name != _WITH_CORE}
+    found["program/memory.c"], found["check/compare.c"] = _filled("memory.c", holes), _filled("compare.c", holes)
+    found["check/recording.csv"], found["check/expected.jsonl"] = parts.recording, parts.records
+    return dict(sorted(found.items()))
+
+
+def watch_only(spec: EngineSpec) -> EngineSpec:
+    """Give a specification that raises alarms and names no fault."""
+    outputs = tuple(replace(item, suspect=False) for item in spec.outputs)
+    inputs = tuple(replace(item, suspect=False) for item in spec.inputs)
+    return replace(spec, hypotheses=(), reserve=(), coupled=False, outputs=outputs, inputs=inputs)
+
+
+def count_lanes(spec: EngineSpec) -> int:
+    """Give how many filters test the hypotheses after an alarm."""
+    return (
+        plan_lanes(spec).n_lanes
+        + PER_SET * n_grown(spec)
+        + plan_slots(spec).n_lanes
+        + PER_COUPLE * sum(n_coupled(spec))
+    )
+
+
+def with_lanes(spec: EngineSpec, most: int) -> EngineSpec:
+    """Give a specification that tests no more than fits in so many lanes, the sets of the lowest cost first.
+
+    Single faults come first, then pairs and larger sets in order; two faults of different kinds, and sets that wait in
+    reserve, are tested only where all of them fit.
+
+    Raises
+    ------
+    GenerationError
+        Where there is no room for the single faults.
+    """
+    if count_lanes(spec) <= most:
+        return spec
+    sets = sorted(spec.hypotheses, key=len)  # keeps their order where they are as large
+    least = len(sets[0]) if sets else 0
+    few = replace(spec, hypotheses=tuple(chosen for chosen in sets if len(chosen) == least), reserve=(), coupled=False)
+    needed = count_lanes(few)
+    if needed > most:
+        raise GenerationError(
+            f"--lanes-at-most {most}: the single faults of {spec.model} need {needed} lanes; "
+            f"give {needed} or more, or --watch-only"
+        )
+    low, high = len(few.hypotheses), len(sets)
+    while low < high:
+        middle = (low + high + 1) // 2
+        if count_lanes(replace(few, hypotheses=tuple(sets[:middle]))) <= most:
+            low = middle
+        else:
+            high = middle - 1
+    return replace(few, hypotheses=tuple(sets[:low]))
+
+
+def _folder(name: str) -> dict[str, str]:
+    """Give the files of C in a folder of the package, by name."""
+    items = sorted(files("faultbond").joinpath(name).iterdir(), key=lambda item: item.name)
+    return {item.name: item.read_text(encoding="utf-8") for item in items if item.name.endswith((".h", ".c"))}
+
+
+def _filled(name: str, holes: Mapping[str, str]) -> str:
+    """Give a template with its holes filled."""
+    text = files("faultbond").joinpath("synthesis", "templates", name).read_text(encoding="utf-8")
+    return _HOLE.sub(lambda hole: holes[hole[1]], text)
+
+
+def _holes(parts: ProjectParts) -> dict[str, str]:
+    """Give what stands in the holes of the templates, by name."""
+    spec, size = parts.spec, parts.sizes
+    inputs, sensors = [item.name for item in spec.inputs], [item.name for item in spec.outputs]
+    parameters = [item.name for item in spec.parameters]
+    return {
+        "model": in_comment(spec.model),
+        "title": _in_markdown(spec.model),
+        "version": spec.version,
+        "sha256": spec.model_sha256,
+        "target": parts.target,
+        "targets": ", ".join(f"`{name}`" for name in TARGETS[1:]),
+        "sizes": _sizes(parts.model),
+        "state_bytes": str(size["state"]),
+        "work_bytes": str(size["work"]),
+        "saved_bytes": str(size["saved"]),
+        "lanes": str(count_lanes(spec)),
+        "parameter_texts": _texts(parameters),
+        "input_texts": _texts(inputs),
+        "sensor_texts": _texts(sensors),
+        "input_order": _order("FB_INPUT", inputs),
+        "sensor_order": _order("FB_SENSOR", sensors),
+        "parameter_order": _order("FB_PARAMETER", parameters),
+        "inputs": _table(("input", "column", "unit"), ((i.name, i.column, i.unit.text) for i in parts.graph.inputs)),
+        "sensors": _table(
+            ("sensor", "column", "unit", "reads", "line"),
+            ((i.name, i.column, i.unit.text, _code(to_text(i.reads)), i.line) for i in parts.graph.sensors),
+        ),
+        "suspects": _table(
+            ("parameter", "of", "nominal", "unit", "line"),
+            (
+                (i.name, i.owner, number_text(i.unit.from_si(i.nominal)), i.unit.text, i.line)
+                for i in parts.graph.parameters
+                if i.suspect
+            ),
+        ),
+        "instruments": _listed(f"`{item.name}`" for item in spec.instruments) or "none",
+        "tested": "; ".join(tested(spec)),
+        "laws": "\n".join(
+            f"    line {line:>4}  {item.name + ':':<12} {in_comment(law)}"
+            for item in parts.graph.components
+            for line, law in laws_of(item)
+        ),
+        "verdict": "1" if '"record": "detection"' in parts.records else "0",
+        "rows": str(parts.recording.count("\n") - 1),
+    }
+
+
+def _sizes(model: str) -> str:
+    """Give the definitions of `model.h` that `core/found.h` needs, and the kinds of fault."""
+    used = set(re.findall(r"\w+", _folder("core")["found.h"]))
+    found = re.finditer(r"^#define (\w+) .*$", model[: model.index("#include")], re.MULTILINE)
+    return "\n".join(item[0] for item in found if item[1] in used or item[1].startswith(("KIND_", "CHECK_")))
+
+
+def _texts(names: Iterable[str]) -> str:
+    """Give names as texts of C; one at least."""
+    return ", ".join(f'"{name}"' for name in names) or '""'
+
+
+def _order(prefix: str, names: Iterable[str]) -> str:
+    """Give names as an enumeration; one at least."""
+    return enumeration([f"{prefix}_{name} = {k}" for k, name in enumerate(names)] or [f"{prefix}_NONE = -1"])
+
+
+def _listed(items: Iterable[str]) -> str:
+    return ", ".join(items)
+
+
+def _table(head: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
+    """Give a table in Markdown."""
+    lines = [head, tuple("---" for _ in head), *(tuple(map(_cell, row)) for row in rows)]
+    return "\n".join(f"| {' | '.join(row)} |" for row in lines) if len(lines) > 2 else "none"
+
+
+def _cell(value: object) -> str:
+    return str(value) if str(value).startswith("`") else _in_markdown(str(value))
+
+
+def _code(text: str) -> str:
+    return "`" + plain(text).replace("`", "'").replace("|", "\\|") + "`"
+
+
+def _in_markdown(text: str) -> str:
+    """Give a text of the user's that is no mark of Markdown."""
+    return re.sub(r"([\\`*_{}\[\]<>#|~$])", r"\\\1", plain(" ".join(text.split())))

@@ -1,0 +1,115 @@
+"""A generated program says what `run` says, of every built-in plant in time: the same records but for last digits."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from faultbond.cli import main
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+PLANTS = {  # rows of the faulty recording: up to some diagnoses
+    "rc": 1200,
+    "rlc": 1200,
+    "dc_motor": 1200,
+    "dc_motor_current": 1200,
+    "tank": 1700,
+    "three_tank": 1700,
+}
+CLOSE = 1e-9  # of probabilities
+NEAR = 1e-6  # of estimates, relative; last digits of sums differ, and what samples hardly tell magnifies them
+
+pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
+
+
+def differences(one: object, other: object, where: tuple[object, ...] = ()) -> Iterator[tuple[object, ...]]:
+    """Give where two records differ: in keys or their order, texts, whole numbers, or numbers beyond last digits."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        if list(one) != list(other):
+            yield (*where, list(one), list(other))
+            return
+        for key in one:
+            yield from differences(one[key], other[key], (*where, key))
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        for k, (first, second) in enumerate(zip(one, other, strict=True)):
+            yield from differences(first, second, (*where, k))
+    elif isinstance(one, float) and isinstance(other, float):
+        if abs(one - other) > max(NEAR * abs(one), CLOSE * ("estimate" not in where and "sd" not in where)):
+            yield (*where, one, other)
+    elif type(one) is not type(other) or one != other:
+        yield (*where, one, other)
+
+
+def records(text: str) -> list[object]:
+    """Give the records in JSON lines."""
+    return [json.loads(line) for line in text.splitlines()]
+
+
+def both(plant: str, rows: list[str], program: Path) -> None:
+    """Pass rows through `run` and through the program, and compare what they say and their exit codes."""
+    model = EXAMPLES / plant / "model.yaml"
+    command = [sys.executable, "-m", "faultbond", "run", str(model), "-", "--json", "-"]
+    told = [
+        subprocess.run(given, input="".join(rows), capture_output=True, text=True, check=False)
+        for given in (command, [str(program)])
+    ]
+    assert told[0].returncode == told[1].returncode, told[1].stderr
+    here, there = (records(item.stdout) for item in told)
+    assert len(here) == len(there) > 1
+    assert list(differences(here, there)) == []
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_the_program_says_what_run_says(plant: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Healthy and faulty recordings give the same records and exit codes, and the self-test passes."""
+    folder = tmp_path / "plant"
+    assert main(["generate", str(EXAMPLES / plant / "model.yaml"), "-o", str(folder)]) == 0
+    options = [] if plant == "rc" else ["OPTIMISE=-O1"]
+    done = subprocess.run(
+        ["make", "-s", "-C", str(folder), "all", "check", *options],
+        capture_output=True,
+        text=True,
+        env={"PATH": os.environ["PATH"]},
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "records, as expected" in done.stdout
+    assert done.stderr == ""
+    for recording in sorted((EXAMPLES / plant).glob("*.csv")):
+        rows = recording.read_text().splitlines(keepends=True)[: PLANTS[plant] + 1]
+        both(plant, rows, folder / "watch")
+    if plant == "rc":
+        both(plant, broken(rows), folder / "watch")
+
+
+def broken(rows: list[str]) -> list[str]:
+    """Give rows with columns in another order, and with values missing, late, twice, wild and not a number."""
+    turned = [",".join(reversed(row.strip().split(","))) + "\n" for row in rows]
+    turned[50] = turned[50].replace(turned[50].split(",")[0], "")
+    turned[60] = "nan," + turned[60].partition(",")[2]
+    turned[70], turned[71] = turned[71], turned[70]
+    turned[80] = turned[79]
+    turned[90] = "1e9," + turned[90].partition(",")[2]
+    turned[100] = "what is this\n"
+    return turned[:110] + turned[130:]
+
+
+def test_a_difference_is_found() -> None:
+    """The comparison above sees keys, their order, whole numbers, texts, and numbers beyond digits."""
+    record = {"time": 1.0, "candidates": [{"probability": 0.5, "parameters": {"K": {"estimate": 3.0}}}], "n": 1}
+    assert not list(differences(record, json.loads(json.dumps(record))))
+    for change in (
+        {"time": 1.0, "n": 1, "candidates": record["candidates"]},
+        record | {"n": 2},
+        record | {"n": 1.0},
+        record | {"time": 1.00001},
+        record | {"candidates": []},
+        record | {"candidates": [{"probability": 0.50001, "parameters": {"K": {"estimate": 3.0}}}]},
+        record | {"candidates": [{"probability": 0.5, "parameters": {"K": {"estimate": 3.00001}}}]},
+    ):
+        assert list(differences(record, change))
