@@ -1,11 +1,11 @@
 /* The program `watch`: rows of CSV on standard input, records as lines of JSON on standard output. It says what
    `faultbond run MODEL - --json -` says, with the same exit codes, and needs nothing but a C library.
 
-   reader.h reads rows and puts them on the grid of times; course.h passes its points to the core (plant.c, core/fb.h) and writes
+   reader.h reads rows and puts them on the grid of times; course.h passes its points to the core (core/fb.h) and writes
    the records (records.h); keep.h keeps the run in a file. */
 #include "system.h"
 
-/* Sizes and tables of the model are needed here; its laws, and lanes side by side, are plant.c's. */
+/* Sizes and tables of the model are needed here; its laws, and lanes side by side, are the core's. */
 #define FB_APART
 #undef FB_LANES
 #define FB_LANES 1
