@@ -259,7 +259,10 @@ target_link_libraries(mine PRIVATE faultbond::faultbond)
 """
     )
     build = tmp_path / "build"
-    for command in (["cmake", "-S", tmp_path, "-B", build, "-DCMAKE_BUILD_TYPE=Debug"], ["cmake", "--build", build]):
+    for command in (
+        ["cmake", "-S", str(tmp_path), "-B", str(build), "-DCMAKE_BUILD_TYPE=Debug"],
+        ["cmake", "--build", str(build)],
+    ):
         subprocess.run(command, capture_output=True, check=True)
     rows = "\n".join((RC / "fault_capacitor.csv").read_text().splitlines()[1 : ROWS + 1])
     done = subprocess.run([build / "mine"], input=rows, capture_output=True, text=True, check=True)
