@@ -365,7 +365,6 @@ static inline int grid_push(Grid *grid, const TableRow *row, char *message)
         grid->behind[grid->n_behind++] = *row;
         if (grid->n_behind == GRID_CLOCK_ROWS) is_wrong = set_clock_back(grid, message);
     }
-    if (is_wrong) grid->n_served = 0; /* what this row let go is not given */
     return is_wrong;
 }
 

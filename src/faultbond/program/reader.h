@@ -1,4 +1,4 @@
-/* CSV text in, grid points out: all of the reading side behind seven functions, without allocation.
+/* CSV text in, grid points out: all of the reading side behind eight functions, without allocation.
 
    static Reader reader;                                      (some 300 KiB: not on a stack)
    reader_begin(&reader);
@@ -14,7 +14,14 @@
        }
    }
 
-   Points come in the order of `run -`, and those before an error come before it. */
+   Points come in the order of `run -`, and those before an error come before it. What differs from `run`:
+   - a record of more than CSV_ROOM bytes (256 KiB) is refused, and one of more than 100 lines before it ends;
+   - times are read as calendar dates; weeks (2026-W07), and letters between the seconds and a zone, are not;
+   - a name that is meant is sought without regard to capitals in ASCII only, and shown as it is, printable or not;
+   - a sample of more rows than MEANS_KEPT, four times those that the model file states and 64 at least, is not searched for
+     a jump; means of rows are summed in their order, so that last digits may differ;
+   - of lines that end with \r alone and hold a quoted line break, the lines are counted as they stand;
+   - a row with which a recording began is known by a hash of 64 bits. */
 #ifndef WATCH_READER_H
 #define WATCH_READER_H
 

@@ -28,10 +28,23 @@ EXPONENTS = (
 )
 
 
+class Compiled(dict[str, Reading]):
+    """The compiled reading side of each kind, made when it is asked for."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self._folder = folder
+
+    def __missing__(self, name: str) -> Reading:
+        (self._folder / name).mkdir()
+        self[name] = Reading(KINDS[name], self._folder / name)
+        return self[name]
+
+
 @pytest.fixture(scope="module")
-def readings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Reading]:
+def readings(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
     """The compiled reading side of each kind."""
-    return {name: Reading(kind, tmp_path_factory.mktemp(name)) for name, kind in KINDS.items()}
+    return Compiled(tmp_path_factory.mktemp("reading"))
 
 
 def assert_same(kind: Kind, c: Told, python: Told) -> None:
@@ -122,6 +135,8 @@ def recording_of(kind: Kind, seed: int, *, with_moments: bool = True) -> bytes:
         times.append(time)
     if random.random() < 0.3:  # rows in another order
         times = [moment + random.choice([0.0] * 5 + [-2.0, -4.0, 3.0, 7.0]) * step for moment in times]
+    if random.random() < 0.4:  # none on time
+        times = [moment + random.gauss(0.0, 0.03) * step for moment in times]
     lines = [delimiter.join(_quoted(item) if {delimiter, '"'} & set(item) else item for item in header)]
     before: dict[str, str] = {}
     for time in times:
@@ -182,9 +197,7 @@ def spoilt(text: bytes, seed: int) -> bytes:
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_points_and_counts_are_those_of_python(
-    name: str, readings: dict[str, Reading], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_points_and_counts_are_those_of_python(name: str, readings: Compiled, monkeypatch: pytest.MonkeyPatch) -> None:
     """Any recording, in any portions."""
     reading, kind = readings[name], KINDS[name]
 
@@ -199,7 +212,7 @@ def test_points_and_counts_are_those_of_python(
 
 @pytest.mark.parametrize("name", ["plain", "units", "numbered"])
 def test_spoilt_texts_are_read_or_refused_as_by_python(
-    name: str, readings: dict[str, Reading], monkeypatch: pytest.MonkeyPatch
+    name: str, readings: Compiled, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Any bytes: never a crash, and the same message, but for letters that repr() writes as numbers in advice."""
     reading, kind = readings[name], KINDS[name]
@@ -236,6 +249,7 @@ def test_spoilt_texts_are_read_or_refused_as_by_python(
         (b"time,u,y,z\n0,1,2,3\n1,2,3,\0\n", ":3: this is not text."),
         (b"PAR1\xff\xfe\xff\xff\n", ":1: this is not text."),
         (b"time,u,y,z\n0,1,2,3\n1," + b"7" * 140_000 + b",3,4\n", "field larger than field limit (131072)"),
+        (b'time,u,y,z\n0,1,2,3\n"' + b"7" * 140_000 + b'",2,3,4\n', "field larger than field limit (131072)"),
         (
             b"time,u,y,z\n0,1,2,3\n1,2,3,4" + b"," * 200_000 + b"\n1,2,3,4\n",
             ":3: a line of more than 200,000 characters",
@@ -247,7 +261,7 @@ def test_spoilt_texts_are_read_or_refused_as_by_python(
     ],
 )
 def test_what_is_no_recording_is_said_as_by_python(
-    text: bytes, said: str, readings: dict[str, Reading], monkeypatch: pytest.MonkeyPatch
+    text: bytes, said: str, readings: Compiled, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each error has the text that `run` has, and points before it come before it."""
     c, python = readings["plain"].read(text, 5000), python_reads(KINDS["plain"], text, 5000, monkeypatch)
@@ -256,9 +270,7 @@ def test_what_is_no_recording_is_said_as_by_python(
     np.testing.assert_array_equal(c.points, python.points)
 
 
-def test_rows_that_come_too_seldom_for_means_are_refused(
-    readings: dict[str, Reading], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rows_that_come_too_seldom_for_means_are_refused(readings: Compiled, monkeypatch: pytest.MonkeyPatch) -> None:
     """They have more noise than the model file says."""
     text = b"time,u,v,y,z\n" + b"".join(b"%r,1,2,3,4\n" % (0.5 * k) for k in range(40))
     c, python = readings["means"].read(text), python_reads(KINDS["means"], text, 100, monkeypatch)
@@ -266,23 +278,23 @@ def test_rows_that_come_too_seldom_for_means_are_refused(
     assert c.message.startswith("line 21: the rows come every 0.5 s")
 
 
-def test_a_reading_that_jumps_in_a_sample_is_left_out(
-    readings: dict[str, Reading], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_reading_that_jumps_in_a_sample_is_left_out(readings: Compiled, monkeypatch: pytest.MonkeyPatch) -> None:
     """Once its scatter is known; a held input acts until the next sample, a linear one about it."""
     random, lines = Random(3), ["time,u,v,y,z"]  # noqa: S311 - no secret
     for k in range(1200):
         time = 0.125 * k - (100.0 if k > 900 else 0.0)
-        lines.append(f"{time},{k},{k},{random.gauss(0.0, 0.1) + 5.0 * (k > 802)!r},{random.gauss(0.0, 1.0)!r}")
+        y = random.gauss(0.0, 0.1) + 5.0 * (k > 802) + 1.0 * (k > 847)  # the first jump is not learned as scatter
+        lines.append(f"{time},{k},{k},{y!r},{random.gauss(0.0, 1.0)!r}")
+    lines[200], lines[202] = lines[202], lines[200]  # before and behind the begin of a sample
     text = "\n".join(lines).encode()
     c = readings["means"].read(text, 64)
     assert_same(KINDS["means"], c, python_reads(KINDS["means"], text, 64, monkeypatch))
-    assert list(c.points[np.isnan(c.points[:, 6]), 1]) == [100.0]
+    assert list(c.points[np.isnan(c.points[:, 6]), 1]) == [100.0, 106.0]
     assert list(c.points[50, 4:6]) == [403.5, 399.5]
     assert c.counts.clock_jumps == 1
 
 
-def test_frozen_sensors_are_counted(readings: dict[str, Reading], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frozen_sensors_are_counted(readings: Compiled, monkeypatch: pytest.MonkeyPatch) -> None:
     """Those that have shown a step much smaller than their noise."""
     y = ["1", "1.1", *["1.2"] * 80, "1.3", *["2"] * 59, "3"]
     text = ("time,u,y,z\n" + "".join(f"{k},0,{value},7\n" for k, value in enumerate(y))).encode()
@@ -292,9 +304,7 @@ def test_frozen_sensors_are_counted(readings: dict[str, Reading], monkeypatch: p
 
 
 @pytest.mark.parametrize("name", ["plain", "means", "numbered", "variable"])
-def test_a_run_goes_on_where_another_one_ended(
-    name: str, readings: dict[str, Reading], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_goes_on_where_another_one_ended(name: str, readings: Compiled, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a later recording, with all of the first one again, or with any other one."""
     reading, kind = readings[name], KINDS[name]
 
@@ -314,7 +324,18 @@ def test_a_run_goes_on_where_another_one_ended(
     check()
 
 
-def test_a_run_that_is_stopped_gives_what_was_held_back(readings: dict[str, Reading]) -> None:
+def test_where_the_clock_is_set_after_a_gap_the_usual_interval_is_remembered(
+    readings: Compiled, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Too few rows since the gap tell another one."""
+    times = [*range(20), *range(10**6, 10**6 + 3), *range(100, 115)]
+    text = b"time,u,y\n" + b"".join(b"%d,%d,2\n" % (2 * time, k) for k, time in enumerate(times))
+    c = readings["variable"].read(text)
+    assert_same(KINDS["variable"], c, python_reads(KINDS["variable"], text, 10**6, monkeypatch))
+    assert list(c.points[c.points[:, 3] == 1.0, 2]) == [2.0, 2.0]
+
+
+def test_a_run_that_is_stopped_gives_what_was_held_back(readings: Compiled) -> None:
     """A line that has not come to its end is dropped, and a row that waited for another comes."""
     text = b"time,u,y,z\n" + b"".join(b"%d,1,2,3\n" % k for k in [*range(20), 22]) + b"23,1,2,"
     assert len(readings["plain"].read(text, stops=True).points) == 23
@@ -322,7 +343,7 @@ def test_a_run_that_is_stopped_gives_what_was_held_back(readings: dict[str, Read
     assert (stopped.message, len(stopped.points)) == ("", 0)
 
 
-def test_numbers_are_those_of_python(readings: dict[str, Reading]) -> None:
+def test_numbers_are_those_of_python(readings: Compiled) -> None:
     """Each text is the double nearest to it, or none, as float() says."""
     plain = readings["plain"]
 
@@ -341,7 +362,7 @@ def test_numbers_are_those_of_python(readings: dict[str, Reading]) -> None:
     check()
 
 
-def test_hard_roundings_are_those_of_python(readings: dict[str, Reading]) -> None:
+def test_hard_roundings_are_those_of_python(readings: Compiled) -> None:
     """Numbers beside the middle between two doubles, of 17 to 25 digits."""
     random, plain = Random(1), readings["plain"]  # noqa: S311 - no secret
     for _ in range(4000):
@@ -353,7 +374,7 @@ def test_hard_roundings_are_those_of_python(readings: dict[str, Reading]) -> Non
         assert plain.number(text.encode()) == float(text), text
 
 
-def test_moments_are_those_of_python(readings: dict[str, Reading]) -> None:
+def test_moments_are_those_of_python(readings: Compiled) -> None:
     """Dates, times of day and zones as recordings have them; weeks and lists of days are not read."""
     plain = readings["plain"]
 
@@ -382,7 +403,7 @@ def test_moments_are_those_of_python(readings: dict[str, Reading]) -> None:
 @pytest.mark.parametrize(
     "text", ["2026-02-29", "1900-02-29", "2024-02-29T24:00", "2024-13-01", "0000-01-01", "2024-1-01"]
 )
-def test_days_that_are_none_are_no_moments(text: str, readings: dict[str, Reading]) -> None:
+def test_days_that_are_none_are_no_moments(text: str, readings: Compiled) -> None:
     """As 29 February of most years."""
     assert math.isnan(readings["plain"].moment(text.encode()))
     assert readings["plain"].moment(b"2000-02-29") == 951782400.0
@@ -397,7 +418,7 @@ def test_days_that_are_none_are_no_moments(text: str, readings: dict[str, Readin
     ],
 )
 def test_it_is_c_and_cplusplus_without_undefined_behaviour(
-    name: str, compiler: str, options: tuple[str, ...], readings: dict[str, Reading], tmp_path: Path
+    name: str, compiler: str, options: tuple[str, ...], readings: Compiled, tmp_path: Path
 ) -> None:
     """All compilers are silent, and what they make reads texts, spoilt ones too, in the same way."""
     if which(compiler) is None:
@@ -412,7 +433,7 @@ def test_it_is_c_and_cplusplus_without_undefined_behaviour(
         assert_same(kind, told, readings[name].read(text))
 
 
-def test_headers_of_any_letters_are_written_as_c(readings: dict[str, Reading]) -> None:
+def test_headers_of_any_letters_are_written_as_c(readings: Compiled) -> None:
     """Quotation marks and letters of other scripts among them."""
     text = columns_text(KINDS["units"].spec, KINDS["units"].columns)
     assert '"p\'\\042\\303\\251"' in text
