@@ -7,7 +7,7 @@ from tempfile import mkdtemp
 
 from faultbond.synthesis.compile import CORE
 
-PROGRAM = CORE.joinpath("..", "program")
+PROGRAM = Path(str(CORE)).parent / "program"
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
 SANITIZERS = ("-g", "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all")
 LANGUAGES = {"C": ("gcc", "-x", "c", "-std=c99"), "C++": ("g++", "-x", "c++", "-std=c++17")}

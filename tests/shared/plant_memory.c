@@ -1,4 +1,4 @@
-/* Memory for a plant whose core is a library, as tests have it: in place of program/plant.c, which takes long to compile. */
+/* Memory for a plant whose core is a library, as tests have it: in place of memory.c, which a project has with its sizes. */
 #include <stdlib.h>
 
 #include "fb.h"

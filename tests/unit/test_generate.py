@@ -37,7 +37,11 @@ def generate(model: Path, folder: Path, *options: str) -> None:
 def made(folder: Path, *targets: str) -> str:
     """Run make in a folder; gives what it says."""
     done = subprocess.run(
-        ["make", "-C", str(folder), "OPTIMISE=-O1", *targets], capture_output=True, text=True, env=EMPTY, check=False
+        ["make", "-C", str(folder), "OPTIMISE=-O1", "SMALL=-O1", *targets],
+        capture_output=True,
+        text=True,
+        env=EMPTY,
+        check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "warning" not in done.stderr
@@ -232,6 +236,38 @@ def test_programs_of_the_page(project: Path, tmp_path: Path) -> None:
     assert in_c == (project / "example.c").read_text(encoding="utf-8")
     last = cpp(in_cpp, "c++20", project, tmp_path).splitlines()[-1]
     assert re.fullmatch(r"25\.\d+ s: C, probability (0\.9\d|1\.00)", last), last
+
+
+def test_all_of_it_is_cpp_too(project: Path, tmp_path: Path) -> None:
+    """The library and the program compile as C++17, and pass the self-test."""
+    copy = tmp_path / "plant"
+    shutil.copytree(project, copy, ignore=shutil.ignore_patterns("*.o", "*.a", "watch", "example"))
+    said = made(copy, "CC=c++", "STANDARD=-x c++ -std=c++17", "OPTIMISE=-O0", "SMALL=-O0", "all", "check")
+    assert "6 records, as expected" in said
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="there is no cmake")
+def test_the_target_of_cmake(project: Path, tmp_path: Path) -> None:
+    """Another project takes the folder in, and links faultbond::faultbond."""
+    (tmp_path / "CMakeLists.txt").write_text(
+        f"""\
+cmake_minimum_required(VERSION 3.15)
+project(mine C)
+add_subdirectory({project} plant)
+add_executable(mine {project}/example.c)
+target_link_libraries(mine PRIVATE faultbond::faultbond)
+"""
+    )
+    build = tmp_path / "build"
+    for command in (
+        ["cmake", "-S", str(tmp_path), "-B", str(build), "-DCMAKE_BUILD_TYPE=Debug"],
+        ["cmake", "--build", str(build)],
+    ):
+        subprocess.run(command, capture_output=True, check=True)
+    rows = "\n".join((RC / "fault_capacitor.csv").read_text().splitlines()[1 : ROWS + 1])
+    done = subprocess.run([build / "mine"], input=rows, capture_output=True, text=True, check=True)
+    assert "s: a fault" in done.stdout
+    assert (build / "plant" / "watch").exists()
 
 
 def test_fewer_lanes() -> None:

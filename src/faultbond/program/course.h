@@ -110,9 +110,9 @@ static void course_pass(Course *course)
 {
     const PlantMemory *memory = &course->plant->memory;
     for (int first = 0; first < course->n;) {
-        const int taken = (int)fb_block(memory->state, memory->work, course->n - first, course->times + first, course->steps + first,
-                                        course->inputs + first * N_INPUTS, course->readings + first * N_OUTPUTS,
-                                        course->reports, &course->diagnosis);
+        const double *inputs = course->inputs + first * N_INPUTS, *readings = course->readings + first * N_OUTPUTS;
+        const int taken = (int)fb_block(memory->state, memory->work, course->n - first, course->times + first,
+                                        course->steps + first, inputs, readings, course->reports, &course->diagnosis);
         const Report *last = &course->reports[taken - 1];
         count_points(course, first, taken);
         first += taken;
@@ -148,8 +148,8 @@ static void course_finish(Course *course, const Counts *counts)
     write_end(course->json, counts->samples ? course->time : NAN, counts, &course->found);
 }
 
-/* Say that a run was over too soon: after `many` samples, as alarms are off for the first ones. */
-static const char *many_samples(int64_t many) { return many == 1 ? "" : "s"; }
+/* How the word for so many of something ends. */
+static const char *plural(int64_t many) { return many == 1 ? "" : "s"; }
 
 /* The first name whose flag is 0. */
 static const char *first_absent(const char *const *names, const int *flags, int n)
@@ -178,10 +178,10 @@ static int no_verdict(const Course *course, int64_t samples, char reason[REASON_
     else if (found->outside && holds <= WARM_UP_SAMPLES)
         snprintf(reason, REASON_ROOM,
                  "the model holds, by `valid_when`, in %lld of %lld sample%s, and the alarms are off for the first %d",
-                 (long long)holds, (long long)samples, many_samples(samples), WARM_UP_SAMPLES);
+                 (long long)holds, (long long)samples, plural(samples), WARM_UP_SAMPLES);
     else if (holds <= WARM_UP_SAMPLES)
         snprintf(reason, REASON_ROOM, "the recording ended after %lld sample%s, and the alarms are off for the first %d",
-                 (long long)samples, many_samples(samples), WARM_UP_SAMPLES);
+                 (long long)samples, plural(samples), WARM_UP_SAMPLES);
     else if (course->lost)
         snprintf(reason, REASON_ROOM,
                  "the filter lost the plant again and again; check units, noise and accuracies in the model file");

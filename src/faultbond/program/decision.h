@@ -70,8 +70,17 @@ static int refused_decision(int64_t why)
         "rejected already, alone or with a set that it contains.",
         "the last hypothesis cannot be rejected, and all that are left contain this.",
     };
-    fprintf(stderr, "%s\n", why <= -3 && why >= -5 ? reasons[-3 - why] : "There is no alarm to explain, so nothing to accept or reject.");
+    const char *no_alarm = "There is no alarm to explain, so nothing to accept or reject.";
+    fprintf(stderr, "%s\n", why <= -3 && why >= -5 ? reasons[-3 - why] : no_alarm);
     return 2;
+}
+
+/* Let the core decide; 0, or why it refused. */
+static int64_t call_core(int what, const PlantMemory *memory, int64_t hypothesis, Candidate *candidate)
+{
+    if (what == DECIDE_REJECT) return fb_reject(memory->state, memory->work, hypothesis, candidate);
+    if (what == DECIDE_REPAIRED) return fb_repair(memory->state, memory->work, hypothesis, candidate);
+    return fb_accept(memory->state, memory->work, hypothesis, candidate);
 }
 
 /* Decide of a kept run, write what was decided as a record, and after a candidate is ruled out the diagnosis that is left;
@@ -88,9 +97,7 @@ static int decide(Keeper *keeper, const Decision *decision, Course *course, cons
     if (diagnosis->n_candidates == 0) return refused_decision(-1);
     const int64_t hypothesis = chosen_of(decision, diagnosis);
     if (hypothesis < 0) return 2;
-    const int64_t refused = is_rejected ? fb_reject(memory->state, memory->work, hypothesis, &course->candidate)
-                            : decision->what == DECIDE_REPAIRED ? fb_repair(memory->state, memory->work, hypothesis, &course->candidate)
-                                                                : fb_accept(memory->state, memory->work, hypothesis, &course->candidate);
+    const int64_t refused = call_core(decision->what, memory, hypothesis, &course->candidate);
     if (refused) return refused_decision(refused);
     course->found.is_open = is_rejected;
     course->found.accepted += !is_rejected;

@@ -151,7 +151,8 @@ static void keep_run(Keeper *keeper, const GridClock *clock, const Course *cours
 static int is_keeping_due(const Keeper *keeper, const Found *found)
 {
     const double ago = difftime(time(NULL), keeper->written);
-    return keeper->detections != found->detections || keeper->accepted != found->accepted || ago < 0.0 || ago >= KEPT_EVERY_SECONDS;
+    const int is_new = keeper->detections != found->detections || keeper->accepted != found->accepted;
+    return is_new || ago < 0.0 || ago >= KEPT_EVERY_SECONDS;
 }
 
 /* Whether a clock and what was found can be those of a run: what they say of rows goes into tables as a place. */
@@ -216,9 +217,11 @@ static int keeper_begin(Keeper *keeper, const char *path, const PlantMemory *mem
     keeper->written = time(NULL);
     const int kept = read_kept(keeper, found, memory);
     if (kept == KEPT_STRANGE)
-        return refuse_kept(keeper, "this is not a state that this program saved, or it is damaged. Name another file, or delete it to begin anew.");
+        return refuse_kept(keeper, "this is not a state that this program saved, or it is damaged. Name another file, or delete it "
+                                   "to begin anew.");
     if (kept == KEPT_OTHER)
-        return refuse_kept(keeper, "it was saved with another model, or another form of this one. Take the program that saved it, or delete it to begin anew.");
+        return refuse_kept(keeper, "it was saved with another model, or another form of this one. Take the program that saved it, "
+                                   "or delete it to begin anew.");
     *goes_on = kept == KEPT_GOOD;
     FILE *draft = fopen(keeper->draft, "wb"); /* better known now than after a day */
     if (!draft) {

@@ -1,11 +1,11 @@
 /* The program `watch`: rows of CSV on standard input, records as lines of JSON on standard output. It says what
    `faultbond run MODEL - --json -` says, with the same exit codes, and needs nothing but a C library.
 
-   reader.h reads rows and puts them on the grid of times; course.h passes its points to the core (plant.c, core/fb.h) and writes
+   reader.h reads rows and puts them on the grid of times; course.h passes its points to the core (core/fb.h) and writes
    the records (records.h); keep.h keeps the run in a file. */
 #include "system.h"
 
-/* Sizes and tables of the model are needed here; its laws, and lanes side by side, are plant.c's. */
+/* Sizes and tables of the model are needed here; its laws, and lanes side by side, are the core's. */
 #define FB_APART
 #undef FB_LANES
 #define FB_LANES 1
@@ -113,8 +113,9 @@ static int read_option(Wishes *wishes, const char *name, const char *value)
 /* Read a word of a decision: accept or reject, then names; 0 where this is none. */
 static int read_decision(Decision *decision, const char *word)
 {
-    if (word[0] == '-' || (decision->what == DECIDE_NOTHING && strcmp(word, "accept") != 0 && strcmp(word, "reject") != 0)) return 0;
-    if (decision->what == DECIDE_NOTHING) decision->what = word[0] == 'a' ? DECIDE_ACCEPT : DECIDE_REJECT;
+    const int is_accept = strcmp(word, "accept") == 0, is_reject = strcmp(word, "reject") == 0;
+    if (word[0] == '-' || (decision->what == DECIDE_NOTHING && !is_accept && !is_reject)) return 0;
+    if (decision->what == DECIDE_NOTHING) decision->what = is_accept ? DECIDE_ACCEPT : DECIDE_REJECT;
     else if (decision->n_names < MOST_NAMES) decision->names[decision->n_names++] = word;
     return 1;
 }
@@ -131,21 +132,23 @@ static Wishes read_arguments(int count, char **words)
     }
     if (wishes.is_over) return wishes;
     if (wishes.decision.what && !wishes.state) wishes.code = complain("--state", ": name the file that keeps the run");
-    if (wishes.decision.what == DECIDE_REJECT && !wishes.decision.n_names) wishes.code = complain("reject", ": name the parts of a candidate");
+    if (wishes.decision.what == DECIDE_REJECT && !wishes.decision.n_names)
+        wishes.code = complain("reject", ": name the parts of a candidate");
     wishes.is_over = wishes.code != DONE;
     return wishes;
 }
 
+/* Whether nobody reads the records any more. */
+static int is_output_closed(const Out *out) { return out->lost && out->error == EPIPE; }
+
 /* Say that records cannot be written, the first time. */
-static void mind_output(Out *out)
+static void mind_output(const Out *out)
 {
     static int is_told;
-    if (!out->lost || is_told) return;
+    if (!out->lost || is_told || is_output_closed(out)) return;
     is_told = 1;
     fprintf(stderr, "faultbond: standard output: records cannot be written: %s.\n", strerror(out->error));
 }
-
-static int is_output_closed(const Out *out) { return out->lost && out->error == EPIPE; }
 
 /* Keep the run, if that is due and the clock of the recording is of the same moment as the core. */
 static void keep_now(Keeper *keeper, const Reader *reader, const Course *course)
@@ -217,7 +220,7 @@ static void end_run(const Reader *reader, Course *course, Keeper *keeper)
     mind_output(course->json->out);
     if (course->json->out->lost && !is_output_closed(course->json->out))
         fprintf(stderr, "faultbond: standard output: %lld record%s could not be written.\n", (long long)course->json->out->lost,
-                course->json->out->lost == 1 ? "" : "s");
+                plural(course->json->out->lost));
 }
 
 /* Say that no row is of use, and why. passed: rows that the run before had passed. */
@@ -225,12 +228,12 @@ static int no_rows(const Course *course, int64_t passed, double last_time)
 {
     if (course->goes_on && passed)
         fprintf(stderr,
-                "-: no row is later than %.15g s, where the saved run ended. Give a recording that goes on from there, or another "
-                "state file.\n",
+                "-: no row is later than %.15g s, where the saved run ended. Give a recording that goes on from there, or "
+                "another state file.\n",
                 last_time);
     else
-        fprintf(stderr, "-: no row has a time that can be read, before the year 9999. Check the column and unit of `time`: is it in "
-                        "ms or ns?\n");
+        fprintf(stderr, "-: no row has a time that can be read, before the year 9999. Check the column and unit of `time`: is it "
+                        "in ms or ns?\n");
     return USER_MISTAKE;
 }
 
@@ -260,7 +263,8 @@ static int watch_plant(const Wishes *wishes, Plant *plant, Json *json)
     if (refused) return refused;
     const double last_time = goes_on ? the_keeper.clock.last_time : NAN;
     course_begin(&the_course, plant, json, wishes->level);
-    if (wishes->decision.what) return goes_on ? decide(&the_keeper, &wishes->decision, &the_course, &found) : no_run(wishes->state);
+    if (wishes->decision.what && !goes_on) return no_run(wishes->state);
+    if (wishes->decision.what) return decide(&the_keeper, &wishes->decision, &the_course, &found);
     reader_begin(&the_reader);
     if (goes_on) {
         reader_go_on(&the_reader, &the_keeper.clock);

@@ -15,7 +15,7 @@ typedef struct {
     int64_t saved_room;
 } PlantMemory;
 
-PlantMemory plant_memory(void); /* plant.c */
+PlantMemory plant_memory(void); /* memory.c of a project */
 
 #ifdef __cplusplus
 }

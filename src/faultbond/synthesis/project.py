@@ -58,7 +58,8 @@ def project_files(parts: ProjectParts) -> dict[str, str]:
     found["columns.h"], found["names.h"] = columns_text(parts.spec, columns_of(parts.graph)), names_text(parts.spec)
     found |= {f"core/{name}": text for name, text in _folder("core").items() if name not in FLEETS}
     found |= {f"program/{name}": text for name, text in _folder("program").items() if name != _WITH_CORE}
-    found["program/memory.c"], found["check/compare.c"] = _filled("memory.c", holes), _filled("compare.c", holes)
+    found["program/memory.c"] = _filled("memory.c", holes)
+    found |= {f"check/{name}": _filled(name, holes) for name in ("compare.c", "wasi.mjs")}
     found["check/recording.csv"], found["check/expected.jsonl"] = parts.recording, parts.records
     return dict(sorted(found.items()))
 

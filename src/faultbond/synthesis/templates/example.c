@@ -5,7 +5,7 @@
 
 #define N_ROW (2 + N_INPUTS + N_OUTPUTS)
 
-static FB_ALIGNED unsigned char state[FB_STATE_BYTES], work[FB_WORK_BYTES];
+FB_ALIGNED static unsigned char state[FB_STATE_BYTES], work[FB_WORK_BYTES];
 static Report report;
 static Diagnosis found;
 

@@ -2,7 +2,7 @@
 #include "../faultbond.h"
 #include "memory.h"
 
-static FB_ALIGNED unsigned char the_state[FB_STATE_BYTES], the_work[FB_WORK_BYTES], the_saved[FB_SAVED_BYTES];
+FB_ALIGNED static unsigned char the_state[FB_STATE_BYTES], the_work[FB_WORK_BYTES], the_saved[FB_SAVED_BYTES];
 
 PlantMemory plant_memory(void)
 {
