@@ -1,7 +1,22 @@
 """What holds for all tests."""
 
 import os
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 
-# Cores of tests run for moments, and are compiled in half the time; tests/unit/synthesis/test_compile.py compares them
-# with those of users.
+import pytest
+
+from watching import watch_program
+
+# Cores of tests run for moments, and are compiled in a third of the time; tests/unit/synthesis/test_compile.py compares
+# them with those of users.
 os.environ["FAULTBOND_HASTY"] = "1"
+
+
+@pytest.fixture(scope="session")
+def programs(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Gives the program of a built-in plant, by its name; workers of one session share them."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    return partial(watch_program, folder=shared / "programs")

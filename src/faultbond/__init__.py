@@ -20,7 +20,19 @@ if TYPE_CHECKING:
     from faultbond.api.ranked import RankedCandidate, SuspectValue
     from faultbond.api.result import Result
     from faultbond.api.told import Analysis, FittedModel, Told
-    from faultbond.api.verbs import Simulation, accept, analyse, check, code, fit, reject, run, simulate, trace
+    from faultbond.api.verbs import (
+        Simulation,
+        accept,
+        analyse,
+        check,
+        code,
+        fit,
+        generate,
+        reject,
+        run,
+        simulate,
+        trace,
+    )
     from faultbond.contract.findings import Advice, Candidate, Decision, Detection, Diagnosis, Suspect
     from faultbond.contract.samples import Report, Reports, Sample, Samples, Status
     from faultbond.contract.spec import Engine, EngineSpec
@@ -84,6 +96,7 @@ __all__ = [
     "example",
     "find_hypothesis",
     "fit",
+    "generate",
     "is_sure",
     "load",
     "load_model",
@@ -103,7 +116,7 @@ __getattr__ = lazily(
         "api.ranked": "RankedCandidate SuspectValue",
         "api.result": "Result",
         "api.told": "Analysis FittedModel Told",
-        "api.verbs": "Simulation accept analyse check code fit reject run simulate trace",
+        "api.verbs": "Simulation accept analyse check code fit generate reject run simulate trace",
         "contract.findings": "Advice Candidate Decision Detection Diagnosis Suspect",
         "contract.samples": "Report Reports Sample Samples Status",
         "contract.spec": "Engine EngineSpec",

@@ -11,9 +11,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from faultbond.api.options import PathLike, level_of, method_of
 from faultbond.api.plant_model import Model, ModelLike, as_model
 from faultbond.api.ranked import RankedCandidate, ranked
-from faultbond.api.verbs import PathLike, level_of, method_of
 from faultbond.app.course import Finding
 from faultbond.app.decision import NO_ALARM, chosen_hypothesis
 from faultbond.app.kept_run import read_before

@@ -4,18 +4,33 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from numbers import Integral, Real
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 from faultbond.api.frame import Frame
+from faultbond.api.options import (
+    PathLike,
+    QuantityLike,
+    level_of,
+    method_of,
+    names_of,
+    part_of,
+    path_of,
+    recording_of,
+    recordings_of,
+    seconds_of,
+    si_of,
+    whole_of,
+)
 from faultbond.api.plant_model import Model, ModelLike, as_model, written
 from faultbond.api.result import Result
 from faultbond.api.told import Analysis, FittedModel, Told, printed
 from faultbond.app.analysis import analysed, code_of, traced
 from faultbond.app.any_run import watch_any
 from faultbond.app.decision import accepted_in, rejected_in
+from faultbond.app.fmu import generated_fmu
+from faultbond.app.generation import generated
 from faultbond.app.identification import identified, tried
 from faultbond.app.model_check import understood
 from faultbond.app.outputs import refuse_outputs
@@ -26,18 +41,13 @@ from faultbond.contract.findings import Decision
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
 from faultbond.io.files import identity
-from faultbond.io.memory_table import MemoryTable, Recording, table_of
+from faultbond.io.memory_table import Recording
 from faultbond.io.out import Out, finite, open_out
 from faultbond.io.recording import write_recording
-from faultbond.model.quantities import duration, quantity, spread
-from faultbond.types import SURE, Method
+from faultbond.types import TARGETS
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-PathLike: TypeAlias = str | os.PathLike[str]
-QuantityLike: TypeAlias = str | float  # "60 s", or SI
-LOWEST_LEVEL = 0.5  # a diagnosis that is less likely than its opposite is accepted by no rule
 
 
 def run(
@@ -75,7 +85,7 @@ def run(
     'healthy'
     """
     plant = as_model(model)
-    wanted = Wanted(method=method_of(method), report=_path(report), accept=level_of(accept), state=_path(state))
+    wanted = Wanted(method=method_of(method), report=path_of(report), accept=level_of(accept), state=path_of(state))
     _refuse_outputs(plant, [recording], state=state, report=report, json=json)
     with _records(json) as out:
         found = watch_any(plant.source, recording_of(recording), wanted=wanted, out=out, curves=True)
@@ -155,7 +165,7 @@ def analyse(
     wishes = _wishes(
         data=None if data is None else recording_of(data),
         within=None if within is None else seconds_of(within, "within"),
-        separate=tuple(_names(item) for item in separate),
+        separate=tuple(names_of(item) for item in separate),
         closed=closed,
         patience=seconds_of(patience, "patience"),
         budget=budget,
@@ -213,7 +223,7 @@ def trace(model: ModelLike, *names: str) -> Told:
     FaultbondError
         Where something is wrong with the model or a name.
     """
-    lines, record = traced(as_model(model).source, _names(names))
+    lines, record = traced(as_model(model).source, names_of(names))
     return Told(record=MappingProxyType(finite(record)), text="\n".join(lines))
 
 
@@ -255,21 +265,21 @@ def fit(
         raise FaultbondError(f"prior {prior!r}: expected widened, declared or none")
     source = as_model(model)
     wishes = FitWishes(
-        fixed=_names(fixed) if fixed else (),
-        free=None if free is None else _names(free),
+        fixed=names_of(fixed) if fixed else (),
+        free=None if free is None else names_of(free),
         prior=prior,
-        starts=_whole(starts, "starts", 1, 100),
-        seed=_whole(seed, "seed", 0, None),
-        own=_names(per_recording) if per_recording else (),
+        starts=whole_of(starts, "starts", 1, 100),
+        seed=whole_of(seed, "seed", 0, None),
+        own=names_of(per_recording) if per_recording else (),
         until_quiet=until_quiet,
     )
     given = recordings if isinstance(recordings, list | tuple) else [recordings]
     _refuse_outputs(source, given, output=output, report=report)
     found = identified(source.source, recordings_of(recordings), wishes=wishes)
-    records = found.records(_path(output))
+    records = found.records(path_of(output))
     fitted = FittedModel(
         record=MappingProxyType(finite(records[0])),
-        text=printed(lambda console: found.show(console, _path(output))),
+        text=printed(lambda console: found.show(console, path_of(output))),
         model=Model(found.text, file=str(output or source.file)),
         found=found,
         quieted=MappingProxyType(finite(records[1])) if len(records) > 1 else None,
@@ -377,17 +387,57 @@ def simulate(
         plant.source,
         inputs=recording_of(inputs),
         faults=tuple(map(parse_fault, [faults] if isinstance(faults, str) else faults)),
-        seed=None if seed is None else _whole(seed, "seed", 0, None),
+        seed=None if seed is None else whole_of(seed, "seed", 0, None),
         noise=noise,
         imperfections=Imperfections(
-            spread=_part(spread, "spread"), lag=seconds_of(lag, "lag"), curve=_part(curve, "curve"), wander=wander
+            spread=part_of(spread, "spread"), lag=seconds_of(lag, "lag"), curve=part_of(curve, "curve"), wander=wander
         ),
-        start={name: _si(value, f"start {name}: ") for name, value in (start or {}).items()},
+        start={name: si_of(value, f"start {name}: ") for name, value in (start or {}).items()},
     )
     simulation = Simulation(model=plant, found=found)
     if output is not None:
         simulation.save(output)
     return simulation
+
+
+def generate(
+    model: ModelLike,
+    output: PathLike,
+    *,
+    target: str | None = None,
+    fmu: int | None = None,
+    lanes_at_most: int | None = None,
+    watch_only: bool = False,
+) -> Told:
+    """Write a program and a library in C, or an FMU, that watch the plant and need nothing else.
+
+    Parameters
+    ----------
+    model : what `load` gives, or the path of a model file
+    output : folder to write, or file of the FMU
+    target : what its Makefile builds for if it is not told; None: the machine on which it is built
+    fmu : write an FMU by version 2 or 3 of the standard, not a folder
+    lanes_at_most : test no more hypotheses than fit in so many filters, those of the lowest cost first; None: all
+    watch_only : raise alarms, and name no fault
+
+    Raises
+    ------
+    FaultbondError
+        Where something is wrong with the model or an option, or the folder holds something else.
+    """
+    source, folder = as_model(model).source, Path(output)
+    most = None if lanes_at_most is None else whole_of(lanes_at_most, "lanes_at_most", 1, None)
+    if fmu is not None and target is not None:
+        raise FaultbondError("target: the library in an FMU is for this machine; others compile its sources")
+    if target is not None and target not in TARGETS:
+        raise FaultbondError(f"target={target!r}: no such target; one of {', '.join(TARGETS)}")
+    if fmu is None:
+        chosen = target or TARGETS[0]
+        found = generated(source, output=folder, target=chosen, lanes_at_most=most, watch_only=watch_only)
+    else:
+        fmi = whole_of(fmu, "fmu", 2, 3)
+        found = generated_fmu(source, fmi=fmi, output=folder, lanes_at_most=most, watch_only=watch_only)
+    return Told(record=MappingProxyType(finite(found.record)), text="\n".join(found.lines))
 
 
 def accept(model: ModelLike, state: PathLike, *names: str, repaired: bool = False) -> Decision:
@@ -425,67 +475,6 @@ def reject(model: ModelLike, state: PathLike, *names: str) -> Decision:
     return rejected_in(as_model(model).source, Path(state), names)[1]
 
 
-def recording_of(recording: object) -> Recording:
-    """Give a recording as the verbs take it: a path as text, all else as a table."""
-    if isinstance(recording, str | os.PathLike):
-        return os.fspath(recording)
-    return recording if isinstance(recording, MemoryTable) else table_of(recording)
-
-
-def recordings_of(given: object) -> tuple[Recording, ...]:
-    """Give one recording, or each of a list.
-
-    Raises
-    ------
-    FaultbondError
-        Where the list is empty, or holds a frame twice.
-    """
-    if not isinstance(given, list | tuple):
-        return (recording_of(given),)
-    if not given:
-        raise FaultbondError("an empty list: give at least one recording")
-    if len({id(item) for item in given if not isinstance(item, str)}) < sum(
-        not isinstance(item, str) for item in given
-    ):
-        raise FaultbondError("a recording is given twice; give each once")
-    found = enumerate(map(recording_of, given), start=1)
-    return tuple(item.numbered(k) if isinstance(item, MemoryTable) and len(given) > 1 else item for k, item in found)
-
-
-def level_of(accept: float | str | None) -> float | None:
-    """Give the probability from which a diagnosis is accepted by rule; None: by none.
-
-    Raises
-    ------
-    FaultbondError
-        Where it is no probability from 0.5 to 1.
-    """
-    if accept is None:
-        return None
-    if accept == "auto":
-        return SURE
-    if not isinstance(accept, Real) or not LOWEST_LEVEL <= accept <= 1.0:
-        raise FaultbondError(
-            f"accept={accept!r}: expected auto, or a probability from {LOWEST_LEVEL:g} to 1, such as 0.99"
-        )
-    return float(accept)
-
-
-def seconds_of(value: QuantityLike, option: str) -> float:
-    """Give a time in seconds, of a text with a unit or of a number.
-
-    Raises
-    ------
-    FaultbondError
-        Where it is negative, or no time.
-    """
-    if isinstance(value, str):
-        return duration(value, f"{option}: ")
-    if not isinstance(value, Real) or not value >= 0.0:
-        raise FaultbondError(f"{option}={value!r}: expected a time, such as '60 s', or seconds")
-    return float(value)
-
-
 @contextmanager
 def _records(json: PathLike | None) -> Iterator[Out]:
     """Open the file for the records, if one is asked for; nothing is printed."""
@@ -512,20 +501,6 @@ def _refuse_outputs(
     refuse_outputs(read, [(Path(path), what) for what, path in written.items() if path is not None])
 
 
-def method_of(method: str) -> Method:
-    """Give a method by its name.
-
-    Raises
-    ------
-    FaultbondError
-        Where there is none of that name.
-    """
-    known = [item.value for item in Method]
-    if method not in known:
-        raise FaultbondError(f"method={method!r}: expected {' or '.join(known)}")
-    return Method(method)
-
-
 def _wishes(
     *,
     closed: int,
@@ -544,45 +519,8 @@ def _wishes(
         data=data,
         within=within,
         separate=separate,
-        closed=_whole(closed, "closed", 0, 5),
+        closed=whole_of(closed, "closed", 0, 5),
         patience=patience,
         preference=preference,
-        budget=_whole(budget, "budget", 1, 1000),
+        budget=whole_of(budget, "budget", 1, 1000),
     )
-
-
-def _names(given: str | Sequence[str]) -> tuple[str, ...]:
-    """Give names, of a text with commas between or of a sequence."""
-    if not isinstance(given, str) and not all(isinstance(item, str) for item in given):
-        raise FaultbondError(f"{given!r}: expected names, such as ['R', 'L'] or 'R,L'")
-    names = tuple(name.strip() for item in ([given] if isinstance(given, str) else given) for name in item.split(","))
-    if not all(names) or not names:
-        raise FaultbondError(f"{given!r}: expected names, such as ['R', 'L'] or 'R,L'")
-    if len(set(names)) < len(names):
-        raise FaultbondError(f"{given!r}: a name stands there twice; give each once")
-    return names
-
-
-def _whole(value: int, option: str, least: int, most: int | None) -> int:
-    is_whole = isinstance(value, Integral) and not isinstance(value, bool)
-    if not is_whole or value < least or (most is not None and value > most):
-        raise FaultbondError(f"{option}={value!r}: expected a whole number from {least}{f' to {most}' if most else ''}")
-    return int(value)
-
-
-def _part(value: QuantityLike, option: str) -> float:
-    """Give a part of 1, of a text in percent or of a number."""
-    if isinstance(value, Real):
-        return float(value)
-    found = spread(value, f"{option}: ") if isinstance(value, str) else None
-    if found is None or not found.is_relative:
-        raise FaultbondError(f"{option}={value!r}: expected a percentage, such as '3 %', or a part of 1")
-    return found.ratio
-
-
-def _si(value: QuantityLike, where: str) -> float:
-    return quantity(value, where).value if isinstance(value, str) else float(value)
-
-
-def _path(path: PathLike | None) -> Path | None:
-    return None if path is None else Path(path)

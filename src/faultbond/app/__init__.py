@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from faultbond.app.any_run import run
     from faultbond.app.decision import accept, reject
     from faultbond.app.demonstration import demo
-    from faultbond.app.fmu import generate_fmu
-    from faultbond.app.generation import generate
+    from faultbond.app.fmu import generated_fmu
+    from faultbond.app.generation import generated
     from faultbond.app.identification import check_data, fit
     from faultbond.app.installation import doctor
     from faultbond.app.model_check import check
@@ -33,8 +33,8 @@ __all__ = [
     "demo",
     "doctor",
     "fit",
-    "generate",
-    "generate_fmu",
+    "generated",
+    "generated_fmu",
     "print_code",
     "reject",
     "run",
@@ -48,8 +48,8 @@ __getattr__ = lazily(
         "analysis": "analyse print_code trace",
         "decision": "accept reject",
         "demonstration": "demo",
-        "fmu": "generate_fmu",
-        "generation": "generate",
+        "fmu": "generated_fmu",
+        "generation": "generated",
         "identification": "check_data fit",
         "installation": "doctor",
         "model_check": "check",

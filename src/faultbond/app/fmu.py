@@ -2,25 +2,27 @@
 
 from pathlib import Path
 
+from faultbond.app.generation import Generated
 from faultbond.errors import FaultbondError
 from faultbond.io.files import replaced
-from faultbond.io.out import Out
+from faultbond.model.document import ModelFile
 from faultbond.model.text import load_model
 
 ENDING = ".fmu"
 
 
-def generate_fmu(model: Path, *, fmi: int, output: Path, lanes_at_most: int | None, watch_only: bool, out: Out) -> None:
-    """Write the FMU of a model.
+def generated_fmu(
+    model: ModelFile, *, fmi: int, output: Path, lanes_at_most: int | None, watch_only: bool
+) -> Generated:
+    """Write the FMU of a model, and give what was written.
 
     Parameters
     ----------
-    model : the model file
+    model : the model file, or what was read of one
     fmi : version of the standard, 2 or 3
     output : the file
     lanes_at_most : no more hypotheses are tested than fit in so many filters; None: all are
     watch_only : whether alarms are raised, and no fault is named
-    out : where the record goes
 
     Raises
     ------
@@ -41,8 +43,9 @@ def generate_fmu(model: Path, *, fmi: int, output: Path, lanes_at_most: int | No
     with replaced(output) as stream:
         stream.write(fmu.fmu_archive(files))
     title, platform = fmu.fmu_title(parts), fmu.fmu_platform(fmi)[0]
-    out.record(
-        {
+    told = f"{len(graph.inputs)} inputs and {len(graph.sensors)} readings"
+    return Generated(
+        record={
             "record": "fmu",
             "model": graph.name,
             "output": str(output),
@@ -51,8 +54,9 @@ def generate_fmu(model: Path, *, fmi: int, output: Path, lanes_at_most: int | No
             "platform": platform,
             "files": len(files),
             "watch_only": watch_only,
-        }
+        },
+        lines=(
+            f"{output}: FMI {fmi}.0, co-simulation, with sources and a library for {platform}.",
+            f"It is told {told} every {title.step:g} s; docs/fmu.md lists what it says.",
+        ),
     )
-    told = f"{len(graph.inputs)} inputs and {len(graph.sensors)} readings"
-    out.say(f"{output}: FMI {fmi}.0, co-simulation, with sources and a library for {platform}.")
-    out.say(f"It is told {told} every {title.step:g} s; docs/fmu.md lists what it says.")

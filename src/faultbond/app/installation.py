@@ -44,7 +44,7 @@ class State(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
+class Examined:
     """What was found of one thing.
 
     group : what kind of thing: `compiler`, `cache`, `library`, `extra`, or `ability`
@@ -99,12 +99,12 @@ def doctor(*, out: Out) -> bool:
     return works
 
 
-def _line(finding: Finding) -> str:
+def _line(finding: Examined) -> str:
     told = f"{finding.told}. {finding.advice}" if finding.advice else finding.told
     return f"{finding.state.value:<8}{finding.name:<18}{told}"
 
 
-def _findings() -> Iterator[Finding]:
+def _findings() -> Iterator[Examined]:
     """Look at one thing after another."""
     yield _python()
     yield from _compiler()
@@ -117,10 +117,10 @@ def _findings() -> Iterator[Finding]:
         yield _extra(extra, [item for item in needed if item.extra == extra])
 
 
-def _python() -> Finding:
+def _python() -> Examined:
     least = (metadata(PACKAGE)["Requires-Python"] or "").removeprefix(">=")
     new_enough = sys.version_info >= _numbers(least)
-    return Finding(
+    return Examined(
         group="library",
         name="Python",
         state=State.OK if new_enough else State.FAILS,
@@ -129,21 +129,21 @@ def _python() -> Finding:
     )
 
 
-def _compiler() -> Iterator[Finding]:
+def _compiler() -> Iterator[Examined]:
     """Look for a C compiler, and let it compile something."""
     compiler = find_compiler()
     if compiler is None:
-        yield Finding(
+        yield Examined(
             group="compiler", name="C compiler", state=State.FAILS, told="there is none", advice=f"{TO_INSTALL}."
         )
         return
     says = compiler_version(compiler)
     told = f"{compiler_title(compiler)}: {says}" if says else compiler_title(compiler)
-    yield Finding(group="compiler", name="C compiler", state=State.OK, told=told)
+    yield Examined(group="compiler", name="C compiler", state=State.OK, told=told)
     yield _compiled(compiler)
 
 
-def _compiled(compiler: tuple[str, ...]) -> Finding:
+def _compiled(compiler: tuple[str, ...]) -> Examined:
     """Compile a tiny library, load and call it."""
     state, told = State.FAILS, "the library that was compiled gives another answer than it should"
     begin = perf_counter()
@@ -157,21 +157,21 @@ def _compiled(compiler: tuple[str, ...]) -> Finding:
         told = str(problem).rstrip(".")
     except OSError as problem:
         told = f"a tiny library was compiled, and cannot be loaded: {problem}"
-    return Finding(group="compiler", name="compiling", state=state, told=told)
+    return Examined(group="compiler", name="compiling", state=state, told=told)
 
 
-def _cache(use: CacheUse) -> Finding:
+def _cache(use: CacheUse) -> Examined:
     """Tell of the folder of compiled engines."""
     if use.refused is not None:
-        return Finding(group="cache", name="cache", state=State.FAILS, told=use.refused.rstrip("."))
+        return Examined(group="cache", name="cache", state=State.FAILS, told=use.refused.rstrip("."))
     if use.mode is None:
         told = f"{use.folder}: not there yet"
     else:
         size = f"{use.n_bytes / 1e6:.1f} of {MOST_BYTES / 1e6:.0f} MB"
         told = f"{use.folder}: {use.n_files} file{'s' * (use.n_files != 1)}, {size}, {use.mode}"
     if use.writable:
-        return Finding(group="cache", name="cache", state=State.OK, told=told)
-    return Finding(
+        return Examined(group="cache", name="cache", state=State.OK, told=told)
+    return Examined(
         group="cache",
         name="cache",
         state=State.LESS,
@@ -191,22 +191,22 @@ def requirements() -> list[Requirement]:
     return found
 
 
-def _library(needed: Requirement) -> Finding:
+def _library(needed: Requirement) -> Examined:
     """Load a package that is needed, and compare its version."""
     state, told = _installed(needed)
     advice = "" if state is State.OK else f"pip install '{needed.package}>={needed.least}'"
     state = State.OK if state is State.OK else State.FAILS
-    return Finding(group="library", name=needed.package, state=state, told=told, advice=advice)
+    return Examined(group="library", name=needed.package, state=state, told=told, advice=advice)
 
 
-def _extra(extra: str, needed: list[Requirement]) -> Finding:
+def _extra(extra: str, needed: list[Requirement]) -> Examined:
     """Load the packages of an extra."""
     looks = [(item, *_installed(item)) for item in needed]
     states = {state for _, state, _ in looks}
     state = next(item for item in (State.FAILS, State.ABSENT, State.OK) if item in states)
     told = ", ".join(f"{item.package} {told}" for item, _, told in looks)
     gives = GIVES.get(extra)
-    return Finding(
+    return Examined(
         group="extra",
         name=f"[{extra}]",
         state=state,
@@ -237,7 +237,7 @@ def _numbers(text: str) -> tuple[int, ...]:
     return tuple(int(item) for item in match[0].split(".")) if match else ()
 
 
-def _abilities(found: list[Finding]) -> list[Finding]:
+def _abilities(found: list[Examined]) -> list[Examined]:
     """Tell what works with what was found."""
     failed = {item.group for item in found if item.state is State.FAILS}
     cache = next(item.state for item in found if item.group == "cache")
@@ -255,5 +255,5 @@ def _abilities(found: list[Finding]) -> list[Finding]:
     for name, told in verbs.items():
         state = State.OK if not missing[name] else State.LESS if name == KEEPING else State.FAILS
         lacks = "" if state is State.OK else f"not yet: see {' and '.join(sorted(missing[name]))} above"
-        found.append(Finding(group="ability", name=name, state=state, told=told, advice=lacks))
+        found.append(Examined(group="ability", name=name, state=state, told=told, advice=lacks))
     return found

@@ -327,13 +327,13 @@ def _add_generate(verbs: Subparsers) -> None:
     def call(arguments: argparse.Namespace, out: Out) -> int:
         wanted = {"lanes_at_most": arguments.lanes_at_most, "watch_only": arguments.watch_only}
         if arguments.fmu is None:
-            app.generate(
-                arguments.model, output=arguments.folder, target=arguments.target or TARGETS[0], **wanted, out=out
-            )
+            target = arguments.target or TARGETS[0]
+            found = app.generated(arguments.model, output=arguments.folder, target=target, **wanted)
         elif arguments.target is not None:
             raise FaultbondError("--target: the library in an FMU is for this machine; others compile its sources")
         else:
-            app.generate_fmu(arguments.model, fmi=arguments.fmu, output=arguments.folder, **wanted, out=out)
+            found = app.generated_fmu(arguments.model, fmi=arguments.fmu, output=arguments.folder, **wanted)
+        found.tell(out)
         return DONE
 
     example = "faultbond generate model.yaml -o plant && make -C plant && plant/watch < recording.csv"

@@ -165,3 +165,36 @@ def test_mistakes_of_options(kind: str) -> None:
     call, message = MISTAKES[kind]
     with pytest.raises(FaultbondError, match=message):
         call()
+
+
+def test_generate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A project, or an FMU, is that of the command line, with its record and its text."""
+    options: dict[str, Any] = {"lanes_at_most": 100, "watch_only": True}
+    found = fb.generate(MODEL, tmp_path / "from_python", target="wasm32-wasi", **options)
+    words = ["generate", str(MODEL), "-o", str(tmp_path / "by_command"), "--target", "wasm32-wasi"]
+    (record,) = told([*words, "--lanes-at-most", "100", "--watch-only"], tmp_path / "told.jsonl")
+    assert plainly(dict(found.record)) == record | {"output": str(tmp_path / "from_python")}
+    assert str(found) == capsys.readouterr().out.strip().replace("by_command", "from_python")
+    texts = [
+        {str(file.relative_to(tmp_path / name)): file.read_text() for file in (tmp_path / name).rglob("*.*")}
+        for name in ("from_python", "by_command")
+    ]
+    assert texts[0] == texts[1]
+    assert fb.generate(MODEL, tmp_path / "rc.fmu", fmu=3, watch_only=True)["fmi"] == 3
+    assert (tmp_path / "rc.fmu").exists()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "problem"),
+    [
+        ({"target": "vax"}, "no such target"),
+        ({"fmu": 4}, "from 2 to 3"),
+        ({"fmu": 2, "target": "wasm32-wasi"}, "for this machine"),
+        ({"lanes_at_most": 0}, "from 1"),
+    ],
+)
+def test_what_cannot_be_generated(wrong: dict[str, Any], problem: str, tmp_path: Path) -> None:
+    """Options that cannot be are refused before anything is built."""
+    with pytest.raises(FaultbondError, match=problem):
+        fb.generate(MODEL, tmp_path / "folder", **wrong)
+    assert not (tmp_path / "folder").exists()

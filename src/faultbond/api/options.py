@@ -1,0 +1,149 @@
+"""Options of the verbs, as they are given from Python: checked, and as the command line knows them."""
+
+import os
+from collections.abc import Sequence
+from numbers import Integral, Real
+from pathlib import Path
+from typing import TypeAlias
+
+from faultbond.errors import FaultbondError
+from faultbond.io.memory_table import MemoryTable, Recording, table_of
+from faultbond.model.quantities import duration, quantity, spread
+from faultbond.types import SURE, Method
+
+PathLike: TypeAlias = str | os.PathLike[str]
+QuantityLike: TypeAlias = str | float  # "60 s", or SI
+LOWEST_LEVEL = 0.5  # a diagnosis that is less likely than its opposite is accepted by no rule
+
+
+def recording_of(recording: object) -> Recording:
+    """Give a recording as the verbs take it: a path as text, all else as a table."""
+    if isinstance(recording, str | os.PathLike):
+        return os.fspath(recording)
+    return recording if isinstance(recording, MemoryTable) else table_of(recording)
+
+
+def recordings_of(given: object) -> tuple[Recording, ...]:
+    """Give one recording, or each of a list.
+
+    Raises
+    ------
+    FaultbondError
+        Where the list is empty, or holds a frame twice.
+    """
+    if not isinstance(given, list | tuple):
+        return (recording_of(given),)
+    if not given:
+        raise FaultbondError("an empty list: give at least one recording")
+    if len({id(item) for item in given if not isinstance(item, str)}) < sum(
+        not isinstance(item, str) for item in given
+    ):
+        raise FaultbondError("a recording is given twice; give each once")
+    found = enumerate(map(recording_of, given), start=1)
+    return tuple(item.numbered(k) if isinstance(item, MemoryTable) and len(given) > 1 else item for k, item in found)
+
+
+def level_of(accept: float | str | None) -> float | None:
+    """Give the probability from which a diagnosis is accepted by rule; None: by none.
+
+    Raises
+    ------
+    FaultbondError
+        Where it is no probability from 0.5 to 1.
+    """
+    if accept is None:
+        return None
+    if accept == "auto":
+        return SURE
+    if not isinstance(accept, Real) or not LOWEST_LEVEL <= accept <= 1.0:
+        raise FaultbondError(
+            f"accept={accept!r}: expected auto, or a probability from {LOWEST_LEVEL:g} to 1, such as 0.99"
+        )
+    return float(accept)
+
+
+def seconds_of(value: QuantityLike, option: str) -> float:
+    """Give a time in seconds, of a text with a unit or of a number.
+
+    Raises
+    ------
+    FaultbondError
+        Where it is negative, or no time.
+    """
+    if isinstance(value, str):
+        return duration(value, f"{option}: ")
+    if not isinstance(value, Real) or not value >= 0.0:
+        raise FaultbondError(f"{option}={value!r}: expected a time, such as '60 s', or seconds")
+    return float(value)
+
+
+def method_of(method: str) -> Method:
+    """Give a method by its name.
+
+    Raises
+    ------
+    FaultbondError
+        Where there is none of that name.
+    """
+    known = [item.value for item in Method]
+    if method not in known:
+        raise FaultbondError(f"method={method!r}: expected {' or '.join(known)}")
+    return Method(method)
+
+
+def names_of(given: str | Sequence[str]) -> tuple[str, ...]:
+    """Give names, of a text with commas between or of a sequence.
+
+    Raises
+    ------
+    FaultbondError
+        Where they are no names, or one stands there twice.
+    """
+    if not isinstance(given, str) and not all(isinstance(item, str) for item in given):
+        raise FaultbondError(f"{given!r}: expected names, such as ['R', 'L'] or 'R,L'")
+    names = tuple(name.strip() for item in ([given] if isinstance(given, str) else given) for name in item.split(","))
+    if not all(names) or not names:
+        raise FaultbondError(f"{given!r}: expected names, such as ['R', 'L'] or 'R,L'")
+    if len(set(names)) < len(names):
+        raise FaultbondError(f"{given!r}: a name stands there twice; give each once")
+    return names
+
+
+def whole_of(value: int, option: str, least: int, most: int | None) -> int:
+    """Give a whole number from `least` on, up to `most` if there is one.
+
+    Raises
+    ------
+    FaultbondError
+        Where it is none, or out of this range.
+    """
+    is_whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if not is_whole or value < least or (most is not None and value > most):
+        raise FaultbondError(f"{option}={value!r}: expected a whole number from {least}{f' to {most}' if most else ''}")
+    return int(value)
+
+
+def part_of(value: QuantityLike, option: str) -> float:
+    """Give a part of 1, of a text in percent or of a number.
+
+    Raises
+    ------
+    FaultbondError
+        Where it is no percentage.
+    """
+    if isinstance(value, Real):
+        return float(value)
+    found = spread(value, f"{option}: ") if isinstance(value, str) else None
+    if found is None or not found.is_relative:
+        raise FaultbondError(f"{option}={value!r}: expected a percentage, such as '3 %', or a part of 1")
+    return found.ratio
+
+
+def si_of(value: QuantityLike, where: str) -> float:
+    """Give a value in SI, of a text with a unit or of a number that is in SI already."""
+    return quantity(value, where).value if isinstance(value, str) else float(value)
+
+
+def path_of(path: PathLike | None) -> Path | None:
+    """Give a path, None of none."""
+    return None if path is None else Path(path)
