@@ -26,6 +26,9 @@ def lazily(package: str, homes: Mapping[str, str]) -> Callable[[str], object]:
             if name not in home or not isinstance(value, ModuleType):
                 super().__setattr__(name, value)
 
+        def __dir__(self) -> list[str]:
+            return sorted({*home, *(name for name in self.__dict__ if name.startswith("__"))})
+
     sys.modules[package].__class__ = Package
 
     def get(name: str) -> object:

@@ -116,7 +116,7 @@ def test_a_folder_of_somebody_is_left_alone(project: Path, tmp_path: Path, capsy
         (["-o", "{folder}/no/plant"], "there is no folder"),
         (["-o", "{folder}/file"], "this is a file"),
         (["-o", "{folder}/plant", "--target", "pdp11"], "--target pdp11: no such target; one of native, x86_64"),
-        (["-o", "{folder}/plant", "--lanes-at-most", "3"], "the single faults of RC circuit need"),
+        (["-o", "{folder}/plant", "--lanes-at-most", "3"], "the single faults of RC circuit, with"),
     ],
 )
 def test_what_cannot_be_is_told(
@@ -271,7 +271,7 @@ target_link_libraries(mine PRIVATE faultbond::faultbond)
 
 
 def test_fewer_lanes() -> None:
-    """With fewer lanes pairs are left out, the last first; without a bank nothing is tested."""
+    """With fewer lanes pairs wait in reserve, the last first; without a bank nothing is tested."""
     plant = build_plant(load_model(EXAMPLES / "tank" / "model.yaml"))
     spec = build_spec(build_step_model(plant))
     assert with_lanes(spec, count_lanes(spec)) is spec
@@ -279,9 +279,11 @@ def test_fewer_lanes() -> None:
     assert 300 < count_lanes(fewer) <= 400
     assert fewer.hypotheses == tuple(sorted(spec.hypotheses, key=len))[: len(fewer.hypotheses)]
     assert {len(chosen) for chosen in fewer.hypotheses} == {1, 2}
+    assert set(fewer.hypotheses) | set(fewer.reserve) == set(spec.hypotheses)
+    assert not set(fewer.hypotheses) & set(fewer.reserve)
     assert fewer.instruments == spec.instruments
-    with pytest.raises(GenerationError, match="need 194 lanes"):
-        with_lanes(spec, 193)
+    with pytest.raises(GenerationError, match="need 257 lanes"):
+        with_lanes(spec, 256)
     none = watch_only(spec)
     assert (count_lanes(none), none.n_hypotheses, none.thresholds) == (0, 0, spec.thresholds)
 

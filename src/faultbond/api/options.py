@@ -1,7 +1,7 @@
 """Options of the verbs, as they are given from Python: checked, and as the command line knows them."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Integral, Real
 from pathlib import Path
 from typing import TypeAlias
@@ -109,6 +109,21 @@ def names_of(given: str | Sequence[str]) -> tuple[str, ...]:
     return names
 
 
+def named(names: Sequence[str]) -> tuple[str, ...]:
+    """Give names that were given one by one; none is none.
+
+    Raises
+    ------
+    FaultbondError
+        Where one is no text.
+    """
+    given = names if isinstance(names, list | tuple) else [names]
+    for name in given:
+        if not isinstance(name, str):
+            raise FaultbondError(f"{name!r}: expected a text, or several, one by one")
+    return tuple(given)
+
+
 def whole_of(value: int, option: str, least: int, most: int | None) -> int:
     """Give a whole number from `least` on, up to `most` if there is one.
 
@@ -139,9 +154,22 @@ def part_of(value: QuantityLike, option: str) -> float:
     return found.ratio
 
 
-def si_of(value: QuantityLike, where: str) -> float:
-    """Give a value in SI, of a text with a unit or of a number that is in SI already."""
-    return quantity(value, where).value if isinstance(value, str) else float(value)
+def starts_of(start: Mapping[str, QuantityLike] | None) -> dict[str, float]:
+    """Give where states begin, SI, of texts with a unit or of numbers that are in SI already.
+
+    Raises
+    ------
+    FaultbondError
+        Where it is no dict of such.
+    """
+    if start is None:
+        return {}
+    if not isinstance(start, Mapping) or not all(isinstance(value, str | Real) for value in start.values()):
+        raise FaultbondError(f"start={start!r}: expected values by state, such as {{'tank.q': '0.05 m^3'}}")
+    return {
+        name: quantity(value, f"start {name}: ").value if isinstance(value, str) else float(value)
+        for name, value in start.items()
+    }
 
 
 def path_of(path: PathLike | None) -> Path | None:

@@ -148,6 +148,8 @@ def load(path: str | os.PathLike[str]) -> Model:
     >>> load(example("tank") / "model.yaml").name
     'water tank'
     """
+    if not isinstance(path, str | os.PathLike):
+        raise ModelError(f"{type(path).__name__}: expected the path of a model file.")
     model = Model.of_source(path)
     if not is_circuit(model.source):
         model.stated  # noqa: B018 - a mistake in it is told now

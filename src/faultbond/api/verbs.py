@@ -14,13 +14,14 @@ from faultbond.api.options import (
     QuantityLike,
     level_of,
     method_of,
+    named,
     names_of,
     part_of,
     path_of,
     recording_of,
     recordings_of,
     seconds_of,
-    si_of,
+    starts_of,
     whole_of,
 )
 from faultbond.api.plant_model import Model, ModelLike, as_model, written
@@ -386,13 +387,13 @@ def simulate(
     found = simulated(
         plant.source,
         inputs=recording_of(inputs),
-        faults=tuple(map(parse_fault, [faults] if isinstance(faults, str) else faults)),
+        faults=tuple(map(parse_fault, named([faults] if isinstance(faults, str) else faults))),
         seed=None if seed is None else whole_of(seed, "seed", 0, None),
         noise=noise,
         imperfections=Imperfections(
             spread=part_of(spread, "spread"), lag=seconds_of(lag, "lag"), curve=part_of(curve, "curve"), wander=wander
         ),
-        start={name: si_of(value, f"start {name}: ") for name, value in (start or {}).items()},
+        start=starts_of(start),
     )
     simulation = Simulation(model=plant, found=found)
     if output is not None:
@@ -455,7 +456,7 @@ def accept(model: ModelLike, state: PathLike, *names: str, repaired: bool = Fals
     FaultbondError
         Where there is nothing to accept, or no such candidate.
     """
-    return accepted_in(as_model(model).source, Path(state), names, repaired=repaired)[1]
+    return accepted_in(as_model(model).source, Path(state), named(names), repaired=repaired)[1]
 
 
 def reject(model: ModelLike, state: PathLike, *names: str) -> Decision:
@@ -472,7 +473,7 @@ def reject(model: ModelLike, state: PathLike, *names: str) -> Decision:
     FaultbondError
         Where there is nothing to reject, or no such candidate.
     """
-    return rejected_in(as_model(model).source, Path(state), names)[1]
+    return rejected_in(as_model(model).source, Path(state), named(names))[1]
 
 
 @contextmanager

@@ -48,6 +48,8 @@ def generated(model: ModelFile, *, output: Path, target: str, lanes_at_most: int
     FaultbondError
         Where the folder holds something else.
     """
+    if watch_only and lanes_at_most is not None:
+        raise FaultbondError("--watch-only has no filters for hypotheses: give it, or --lanes-at-most.")
     graph = load_model(model)
     if graph.grid is TimeGrid.NONE:
         raise ModelError(
@@ -114,8 +116,10 @@ def check_folder(output: Path) -> None:
     Raises
     ------
     FaultbondError
-        Where it does, or is a file.
+        Where it does, or is a file, or is called as an FMU.
     """
+    if output.suffix == ".fmu":
+        raise FaultbondError(f"{output}: a folder is written here. For an FMU say which version: --fmu 2 or --fmu 3.")
     if not output.exists():
         if not output.absolute().parent.is_dir():
             raise FaultbondError(f"{output}: there is no folder {output.parent}. Create it, or name another folder.")

@@ -145,6 +145,7 @@ static void find_values(Bank *bank, const int64_t *best, Choice *choice)
 /* Let two rows of lanes change places, after sample `index`. */
 static void swap_rows(Bank *bank, int64_t one, int64_t two, int64_t index)
 {
+    if (N_GROWN == 0) return; /* said to compilers: there are no such lanes */
     for (int64_t part = 0; part < PER_SET; part++) {
         const int64_t a = lane_of_row(one) + part, b = lane_of_row(two) + part;
         const int64_t onset = bank->onset[a];

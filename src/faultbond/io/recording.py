@@ -412,6 +412,8 @@ def _text(source: str | Path) -> Iterator["TextIO | _Arriving"]:
         with Path(source).open(encoding="utf-8-sig", errors="replace", newline="") as stream:
             yield stream
         return
+    if sys.stdin is None:  # the program was started without one
+        raise RecordingError("standard input: cannot be read: it is closed. Give it rows, or name a file.")
     yield _Arriving(sys.stdin.buffer)
 
 

@@ -84,8 +84,9 @@ def count_lanes(spec: EngineSpec) -> int:
 def with_lanes(spec: EngineSpec, most: int) -> EngineSpec:
     """Give a specification that tests no more than fits in so many lanes, the sets of the lowest cost first.
 
-    Single faults come first, then pairs and larger sets in order; two faults of different kinds, and sets that wait in
-    reserve, are tested only where all of them fit.
+    Single faults come first, then pairs and larger sets in order. What does not fit waits in reserve, with the few
+    lanes that this takes, and what is said tells how likely it is that the fault is among it. Two faults of different
+    kinds are tested only where all fit.
 
     Raises
     ------
@@ -96,21 +97,25 @@ def with_lanes(spec: EngineSpec, most: int) -> EngineSpec:
         return spec
     sets = sorted(spec.hypotheses, key=len)  # keeps their order where they are as large
     least = len(sets[0]) if sets else 0
-    few = replace(spec, hypotheses=tuple(chosen for chosen in sets if len(chosen) == least), reserve=(), coupled=False)
-    needed = count_lanes(few)
+    low, high = sum(len(chosen) == least for chosen in sets), len(sets)
+
+    def of(count: int) -> EngineSpec:
+        waiting = (*sets[count:], *spec.reserve)
+        return replace(spec, hypotheses=tuple(sets[:count]), reserve=waiting, coupled=False)
+
+    needed = count_lanes(of(low))
     if needed > most:
         raise GenerationError(
-            f"--lanes-at-most {most}: the single faults of {spec.model} need {needed} lanes; "
-            f"give {needed} or more, or --watch-only"
+            f"--lanes-at-most {most}: the single faults of {spec.model}, with the likeliest of the others, need "
+            f"{needed} lanes; give {needed} or more, or --watch-only"
         )
-    low, high = len(few.hypotheses), len(sets)
     while low < high:
         middle = (low + high + 1) // 2
-        if count_lanes(replace(few, hypotheses=tuple(sets[:middle]))) <= most:
+        if count_lanes(of(middle)) <= most:
             low = middle
         else:
             high = middle - 1
-    return replace(few, hypotheses=tuple(sets[:low]))
+    return of(low)
 
 
 def _folder(name: str) -> dict[str, str]:

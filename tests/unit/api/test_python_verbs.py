@@ -169,10 +169,9 @@ def test_mistakes_of_options(kind: str) -> None:
 
 def test_generate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A project, or an FMU, is that of the command line, with its record and its text."""
-    options: dict[str, Any] = {"lanes_at_most": 100, "watch_only": True}
-    found = fb.generate(MODEL, tmp_path / "from_python", target="wasm32-wasi", **options)
+    found = fb.generate(MODEL, tmp_path / "from_python", target="wasm32-wasi", watch_only=True)
     words = ["generate", str(MODEL), "-o", str(tmp_path / "by_command"), "--target", "wasm32-wasi"]
-    (record,) = told([*words, "--lanes-at-most", "100", "--watch-only"], tmp_path / "told.jsonl")
+    (record,) = told([*words, "--watch-only"], tmp_path / "told.jsonl")
     assert plainly(dict(found.record)) == record | {"output": str(tmp_path / "from_python")}
     assert str(found) == capsys.readouterr().out.strip().replace("by_command", "from_python")
     texts = [
@@ -191,6 +190,7 @@ def test_generate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         ({"fmu": 4}, "from 2 to 3"),
         ({"fmu": 2, "target": "wasm32-wasi"}, "for this machine"),
         ({"lanes_at_most": 0}, "from 1"),
+        ({"lanes_at_most": 50, "watch_only": True}, "give it, or"),
     ],
 )
 def test_what_cannot_be_generated(wrong: dict[str, Any], problem: str, tmp_path: Path) -> None:
@@ -198,3 +198,22 @@ def test_what_cannot_be_generated(wrong: dict[str, Any], problem: str, tmp_path:
     with pytest.raises(FaultbondError, match=problem):
         fb.generate(MODEL, tmp_path / "folder", **wrong)
     assert not (tmp_path / "folder").exists()
+
+
+def test_what_python_is_given_by_mistake(tmp_path: Path) -> None:
+    """Values of a wrong type are told in a line, as is what they should be."""
+    inputs = {"time": np.arange(5) * 0.02, "V": np.ones(5)}
+    with pytest.raises(FaultbondError, match="expected values by state"):
+        fb.simulate(MODEL, inputs, start="C.q=1 mC")  # type: ignore[arg-type]
+    with pytest.raises(FaultbondError, match="3: expected a text"):
+        fb.simulate(MODEL, inputs, faults=3)  # type: ignore[arg-type]
+    with pytest.raises(FaultbondError, match=r"\['R'\]: expected a text"):
+        fb.accept(MODEL, tmp_path / "state", ["R"])  # type: ignore[arg-type]
+    with pytest.raises(FaultbondError, match="NoneType: expected the path"):
+        fb.load(None)  # type: ignore[arg-type]
+
+
+def test_names_are_offered() -> None:
+    """What a notebook completes are the public names."""
+    assert {"load", "run", "Monitor"} <= set(dir(fb))
+    assert not {"lazily", "interrupt"} & set(dir(fb))
