@@ -114,7 +114,8 @@ static void absorb_lane(State *state, int64_t lane, const Candidate *candidate)
     const double size = of_slot(bank, lane, AT_SLOT), rate = of_slot(bank, lane, AT_SLOT + 1);
     const int64_t slot = plan_of(bank, lane), beside = lane < N_SLOT_LANES ? -1 : beside_of(bank, lane - N_SLOT_LANES, slot);
     absorb(state, slot, kind_of(bank, N_STEPS + lane), size, rate, candidate->suspects[0].estimate);
-    if (beside >= 0) absorb(state, beside, SLOT_KIND[beside], rate, 0.0, candidate->suspects[1].estimate);
+    const int second = LARGEST_SET > 1; /* where no set has two suspects, none is beside another */
+    if (beside >= 0) absorb(state, beside, SLOT_KIND[beside], rate, 0.0, candidate->suspects[second].estimate);
 }
 
 /* A parameter, the first of n, is again what the model file says, as well known as that; nothing is known by it but of those
