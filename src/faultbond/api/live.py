@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from faultbond.api.options import PathLike, level_of, method_of, texts_of
+from faultbond.api.options import PathLike, level_of, method_of, spelled
 from faultbond.api.plant_model import Model, ModelLike, as_model
 from faultbond.api.ranked import RankedCandidate, ranked
 from faultbond.app.course import Finding
@@ -175,11 +175,11 @@ class Monitor:
         FaultbondError
             Where there is no alarm to explain, or no such candidate.
         """
-        return self._course.accept(self._chosen(texts_of(names)))
+        return self._course.accept(self._chosen(spelled(names)))
 
     def repaired(self, *names: str) -> Decision:
         """Say that a candidate was the fault and is mended, so that all is nominal again. Arguments as of `accept`."""
-        return self._course.accept(self._chosen(texts_of(names)), repaired=True)
+        return self._course.accept(self._chosen(spelled(names)), repaired=True)
 
     def reject(self, *names: str) -> Decision:
         """Rule a candidate out, and with it all sets that contain it; the others share its probability.
@@ -195,7 +195,7 @@ class Monitor:
         """
         if not names:
             raise FaultbondError("reject: name the candidate to rule out.")
-        return self._course.reject(self._chosen(texts_of(names)))
+        return self._course.reject(self._chosen(spelled(names)))
 
     def save(self, path: PathLike) -> None:
         """Write the monitor to a file, the one of `run --state`; rows that wait for others are not in it.

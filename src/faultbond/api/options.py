@@ -109,7 +109,7 @@ def names_of(given: str | Sequence[str]) -> tuple[str, ...]:
     return names
 
 
-def texts_of(names: Sequence[str]) -> tuple[str, ...]:
+def spelled(names: Sequence[str]) -> tuple[str, ...]:
     """Give names that were given one by one; none is none.
 
     Raises

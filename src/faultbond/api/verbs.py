@@ -20,8 +20,8 @@ from faultbond.api.options import (
     recording_of,
     recordings_of,
     seconds_of,
+    spelled,
     starts_of,
-    texts_of,
     whole_of,
 )
 from faultbond.api.plant_model import Model, ModelLike, as_model, written
@@ -387,7 +387,7 @@ def simulate(
     found = simulated(
         plant.source,
         inputs=recording_of(inputs),
-        faults=tuple(map(parse_fault, texts_of([faults] if isinstance(faults, str) else faults))),
+        faults=tuple(map(parse_fault, spelled([faults] if isinstance(faults, str) else faults))),
         seed=None if seed is None else whole_of(seed, "seed", 0, None),
         noise=noise,
         imperfections=Imperfections(
@@ -456,7 +456,7 @@ def accept(model: ModelLike, state: PathLike, *names: str, repaired: bool = Fals
     FaultbondError
         Where there is nothing to accept, or no such candidate.
     """
-    return accepted_in(as_model(model).source, Path(state), texts_of(names), repaired=repaired)[1]
+    return accepted_in(as_model(model).source, Path(state), spelled(names), repaired=repaired)[1]
 
 
 def reject(model: ModelLike, state: PathLike, *names: str) -> Decision:
@@ -473,7 +473,7 @@ def reject(model: ModelLike, state: PathLike, *names: str) -> Decision:
     FaultbondError
         Where there is nothing to reject, or no such candidate.
     """
-    return rejected_in(as_model(model).source, Path(state), texts_of(names))[1]
+    return rejected_in(as_model(model).source, Path(state), spelled(names))[1]
 
 
 @contextmanager
