@@ -154,7 +154,7 @@ def part_of(value: QuantityLike, option: str) -> float:
     return found.ratio
 
 
-def starts_of(start: Mapping[str, QuantityLike] | None) -> dict[str, float]:
+def begun_at(start: Mapping[str, QuantityLike] | None) -> dict[str, float]:
     """Give where states begin, SI, of texts with a unit or of numbers that are in SI already.
 
     Raises

@@ -21,7 +21,7 @@ from faultbond.api.options import (
     recordings_of,
     seconds_of,
     spelled,
-    starts_of,
+    begun_at,
     whole_of,
 )
 from faultbond.api.plant_model import Model, ModelLike, as_model, written
@@ -393,7 +393,7 @@ def simulate(
         imperfections=Imperfections(
             spread=part_of(spread, "spread"), lag=seconds_of(lag, "lag"), curve=part_of(curve, "curve"), wander=wander
         ),
-        start=starts_of(start),
+        start=begun_at(start),
     )
     simulation = Simulation(model=plant, found=found)
     if output is not None:
