@@ -12,6 +12,7 @@ from faultbond.api.frame import Frame
 from faultbond.api.options import (
     PathLike,
     QuantityLike,
+    begun_at,
     level_of,
     method_of,
     names_of,
@@ -21,7 +22,6 @@ from faultbond.api.options import (
     recordings_of,
     seconds_of,
     spelled,
-    begun_at,
     whole_of,
 )
 from faultbond.api.plant_model import Model, ModelLike, as_model, written
