@@ -392,7 +392,7 @@ def _no_column(column: Column, header: list[str], title: str) -> str:
     more = f" and {len(header) - SHOWN_COLUMNS} more" if len(header) > SHOWN_COLUMNS else ""
     by_lower = {name[:100].lower(): name[:100] for name in header[:1000]}
     close = difflib.get_close_matches(column.header.lower(), by_lower, n=1)
-    advice = f"Did you mean {by_lower[close[0]]!r}?" if close else "Name it in the model file with `column`."
+    advice = f"Did you mean '{by_lower[close[0]]}'?" if close else "Name it in the model file with `column`."
     return f"{title}: no column {column.header!r} ({column.role}); found: {found}{more}. {advice}"
 
 
@@ -433,14 +433,6 @@ class _Arriving:
         text, self._text = self._text[:end], self._text[end:]
         return text
 
-    def readline(self, most: int) -> str:
-        """Give the next line, or what there is of it at the end, and not more than so many letters of it."""
-        while (end := self._text.find("\n") + 1) == 0 and len(self._text) < most and self._more():
-            pass
-        end = min(end or len(self._text), most)
-        line, self._text = self._text[:end], self._text[end:]
-        return line
-
     def _more(self) -> bool:
         """Wait for more; tell whether any came."""
         found = self._stream.read1(READ_AHEAD) if hasattr(self._stream, "read1") else self._stream.readline()
@@ -458,14 +450,15 @@ class _Lines:
         self._stream, self._title = stream, title
         self.number = 0
         self._ahead: deque[str] = deque()
+        self._begun = ""  # a line that is not whole yet
 
     def __iter__(self) -> "_Lines":
         return self
 
     def __next__(self) -> str:
-        line = self._ahead.popleft() if self._ahead else self._stream.readline(MAX_LINE)
-        if not line:
+        if not self.ahead():
             raise StopIteration
+        line = self._ahead.popleft()
         self.number += 1
         where = f"{self._title}:{self.number}"
         if len(line) >= MAX_LINE:
@@ -479,13 +472,16 @@ class _Lines:
         self._ahead.extendleft(reversed(lines))
         self.number -= len(lines)
 
-    def ahead(self) -> list[str]:
+    def ahead(self) -> Sequence[str]:
         """Give the lines that are read, but not given yet; if there are none, read some. Nothing is checked."""
-        if not self._ahead and (text := self._stream.read(READ_AHEAD)):
-            if not text.endswith("\n"):
-                text += self._stream.readline(MAX_LINE)
-            self._ahead.extend(io.StringIO(text, newline=""))
-        return list(self._ahead)
+        while not self._ahead and (text := self._stream.read(READ_AHEAD)):
+            self._ahead.extend(io.StringIO(self._begun + text, newline=""))
+            has_end = self._ahead[-1].endswith("\n") or len(self._ahead[-1]) >= MAX_LINE
+            self._begun = "" if has_end else self._ahead.pop()
+        if not self._ahead and self._begun:
+            self._ahead.append(self._begun)
+            self._begun = ""
+        return self._ahead
 
     def skip(self) -> None:
         """Count the lines that are read as given."""

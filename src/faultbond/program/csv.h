@@ -18,13 +18,13 @@
 #define CSV_ERROR (-1)
 
 /* A text from `begin` to `end`. whole: up to there it has whole lines. lines: number of the last line that was given.
-   is_fresh: nothing was given yet. is_ended: no more come. is_padded: the last line had no end of line. is_header: a line ends with \n only; below, as well with \r. */
+   is_fresh: nothing was given yet. is_ended: no more come. is_padded: the last line had no end of line. */
 typedef struct {
     char text[CSV_ROOM + 2];
     size_t begin, end, whole;
     int64_t lines;
     char delimiter;
-    int is_fresh, is_ended, is_padded, is_header;
+    int is_fresh, is_ended, is_padded;
 } Csv;
 
 /* A record as it stands in the text, and how many lines it has. */
@@ -40,7 +40,7 @@ typedef struct {
     int is_over;
 } CsvFields;
 
-typedef enum { FIELD_BEGINS, IN_FIELD, IN_QUOTES, BEHIND_QUOTE, LINE_ENDS } CsvPlace;
+typedef enum { FIELD_BEGINS, IN_FIELD, IN_QUOTES, BEHIND_QUOTE } CsvPlace;
 
 /* Where the search for the end of a record stands. length: letters of the field. */
 typedef struct {
@@ -53,7 +53,7 @@ static inline void csv_begin(Csv *csv)
     csv->begin = csv->end = csv->whole = 0;
     csv->lines = 0;
     csv->delimiter = ',';
-    csv->is_fresh = csv->is_header = 1;
+    csv->is_fresh = 1;
     csv->is_ended = csv->is_padded = 0;
 }
 
@@ -115,7 +115,6 @@ static inline size_t csv_line_end(const Csv *csv, size_t from)
     const char *const line = csv->text + from;
     const char *const end = (const char *)memchr(line, '\n', csv->whole - from);
     const size_t size = end != NULL ? (size_t)(end - line) + 1 : csv->whole - from;
-    if (csv->is_header) return end != NULL ? from + size : 0;
     const char *const back = (const char *)memchr(line, '\r', size);
     if (back == NULL) return from + size;
     return from + (size_t)(back - line) + (back[1] == '\n' ? 2 : 1);
@@ -159,17 +158,15 @@ static inline int csv_refuse_long(const Csv *csv, int n_lines, char *message)
     return CSV_ERROR;
 }
 
-/* Give what is wrong with a letter that stands where a line has ended, or that makes a field too long; NULL: nothing is. */
-static inline const char *csv_search_letter(CsvSearch *search, char c, char delimiter)
+/* Go on by a letter; gives whether its field is not too long. */
+static inline int csv_search_letter(CsvSearch *search, char c, char delimiter)
 {
     const int is_end = c == '\n' || c == '\r';
     switch (search->place) {
-    case LINE_ENDS:
-        return is_end ? NULL : "new-line character seen in unquoted field - do you need to open the file in universal-newline mode?";
     case IN_QUOTES:
         if (c != '"') break;
         search->place = BEHIND_QUOTE;
-        return NULL;
+        return 1;
     case BEHIND_QUOTE:
         if (c == '"') {
             search->place = IN_QUOTES;
@@ -180,18 +177,18 @@ static inline const char *csv_search_letter(CsvSearch *search, char c, char deli
     case IN_FIELD:
     default:
         if (is_end || c == delimiter) {
-            search->place = is_end ? LINE_ENDS : FIELD_BEGINS;
+            search->place = FIELD_BEGINS;
             search->length = 0;
-            return NULL;
+            return 1;
         }
         if (c == '"' && search->place == FIELD_BEGINS) {
             search->place = IN_QUOTES;
-            return NULL;
+            return 1;
         }
         search->place = IN_FIELD;
     }
     search->length += ((unsigned char)c & 0xC0u) != 0x80u;
-    return search->length > CSV_MAX_FIELD ? "field larger than field limit (131072)" : NULL;
+    return search->length <= CSV_MAX_FIELD;
 }
 
 /* Find the end of the record at `begin`; nothing is changed. */
@@ -209,9 +206,9 @@ static inline int csv_find_record(const Csv *csv, CsvRecord *record, char *messa
         const int64_t number = csv->lines + ++record->n_lines;
         if (!csv_is_text(csv, from, stop, number, message)) return CSV_ERROR;
         for (size_t k = from; k < stop; k++) {
-            const char *const wrong = csv_search_letter(&search, csv->text[k], csv->delimiter);
-            if (wrong == NULL) continue;
-            (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: this is not a row of a CSV file (%s).", CSV_TITLE, (long long)number, wrong);
+            if (csv_search_letter(&search, csv->text[k], csv->delimiter)) continue;
+            (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: this is not a row of a CSV file (field larger than field limit (%d)).",
+                           CSV_TITLE, (long long)number, CSV_MAX_FIELD);
             return CSV_ERROR;
         }
         record->stop = stop;

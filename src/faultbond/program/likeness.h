@@ -72,28 +72,6 @@ static inline int is_behind(const Name *a, const Name *b)
     return a->n > b->n;
 }
 
-/* Append a name between quotation marks, as Python's repr() writes it. */
-static inline void add_shown(char *message, const char *name, int letters)
-{
-    const char *const quote = strchr(name, '\'') != NULL && strchr(name, '"') == NULL ? "\"" : "'";
-    text_add(message, MESSAGE_ROOM, quote, 1);
-    for (; *name != '\0' && letters > 0; letters--) {
-        char shown[16] = "";
-        const char *const here = name;
-        const uint32_t letter = text_letter(&name);
-        if (letter == '\\' || (letter == '\'' && *quote == '\''))
-            (void)snprintf(shown, sizeof shown, "\\%c", (char)letter);
-        else if (letter == '\n' || letter == '\t' || letter == '\r')
-            (void)snprintf(shown, sizeof shown, "\\%c", letter == '\n' ? 'n' : letter == '\t' ? 't' : 'r');
-        else if (letter < 0x20u || (letter >= 0x7Fu && letter <= 0xA0u) || letter == 0xADu)
-            (void)snprintf(shown, sizeof shown, "\\x%02x", (unsigned)letter & 0xFFu);
-        else if (letter != ' ' && text_is_space(letter))
-            (void)snprintf(shown, sizeof shown, "\\u%04x", (unsigned)letter & 0xFFFFu);
-        text_add(message, MESSAGE_ROOM, *shown != '\0' ? shown : here, *shown != '\0' ? sizeof shown : 1);
-    }
-    text_add(message, MESSAGE_ROOM, quote, 1);
-}
-
 /* Append what to do where a column is not among n names. */
 static inline void add_advice(char *message, const char *wanted, const char *names, int64_t n)
 {
@@ -113,9 +91,9 @@ static inline void add_advice(char *message, const char *wanted, const char *nam
         text_add(message, MESSAGE_ROOM, ". Name it in the model file with `column`.", MESSAGE_ROOM);
         return;
     }
-    text_add(message, MESSAGE_ROOM, ". Did you mean ", MESSAGE_ROOM);
-    add_shown(message, meant, LIKE_LETTERS);
-    text_add(message, MESSAGE_ROOM, "?", 1);
+    text_add(message, MESSAGE_ROOM, ". Did you mean '", MESSAGE_ROOM);
+    text_add(message, MESSAGE_ROOM, meant, LIKE_LETTERS);
+    text_add(message, MESSAGE_ROOM, "'?", MESSAGE_ROOM);
 }
 
 #endif

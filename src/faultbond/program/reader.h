@@ -103,7 +103,6 @@ static inline int reader_read_header(Reader *reader)
     if (layout_begin(&reader->layout, csv, found == CSV_RECORD ? &record : NULL, reader->message) == CSV_ERROR)
         return reader_fails(reader);
     csv_pass(csv, &record);
-    csv->is_header = 0;
     reader->stage = READING_ROWS;
     return 1;
 }

@@ -95,7 +95,7 @@ def test_frames_are_read_as_files_are(kind: str, tmp_path: Path) -> None:
     """Each kind of frame has the rows of the file with the same text: times, units, ranges, and what is missing."""
     path = tmp_path / "file.csv"
     lines = zip(*([*map(str, values)] for values in DATA.values()), strict=True)
-    path.write_text("\n".join(",".join(line).replace("None", "") for line in [tuple(DATA), *lines]))
+    path.write_text("".join(",".join(line).replace("None", "") + "\n" for line in [tuple(DATA), *lines]))
     (of_file,), found = read_blocks(path, columns()), block(FRAMES[kind]())
     for name in ("time", "u", "y", "saturated"):
         assert np.array_equal(getattr(found, name), getattr(of_file, name), equal_nan=True), name

@@ -2,7 +2,6 @@
 
 import math
 import struct
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from fractions import Fraction
 from pathlib import Path
@@ -214,15 +213,14 @@ def test_points_and_counts_are_those_of_python(name: str, readings: Compiled, mo
 def test_spoilt_texts_are_read_or_refused_as_by_python(
     name: str, readings: Compiled, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Any bytes: never a crash, and the same message, but for the letters of a spoilt header that it shows."""
+    """Any bytes: never a crash, and the same message."""
     reading, kind = readings[name], KINDS[name]
 
     @OFTEN
     @given(SEEDS, PORTIONS)
     def check(seed: int, most: int) -> None:
         text = spoilt(recording_of(kind, seed, with_moments=False), seed)
-        c, python = reading.read(text, most), python_reads(kind, text, most, monkeypatch)
-        assert_same(kind, *(replace(told, message=told.message.partition(" found: ")[0]) for told in (c, python)))
+        assert_same(kind, reading.read(text, most), python_reads(kind, text, most, monkeypatch))
 
     check()
 
@@ -240,7 +238,7 @@ def test_spoilt_texts_are_read_or_refused_as_by_python(
         (b"time,u,y,z,y\n0,1,2,3,4\n", "appears 2 times"),
         (b"Time,u,y,z\n0,1,2,3\n", "Did you mean 'Time'?"),
         (b"t,u,y,z\n0,1,2,3\n", "Name it in the model file"),
-        (b"'time,u,y,z\n0,1,2,3\n", 'Did you mean "\'time"?'),
+        (b"'time,u,y,z\n0,1,2,3\n", "Did you mean ''time'?"),
         (b"a" * 90 + b",b" * 30 + b"\n1\n", " and 11 more"),
         (b"time;u;y;z\n0;1;2;3\n1;1;2,5;3\n", ":3: 'y' is '2,5'. Decimal commas?"),
         (b"time;u;y;z\n0;1;2;3\n1;1; -2,5e+3 ;3\n", "'y' is '-2,5e+3'"),
@@ -256,7 +254,7 @@ def test_spoilt_texts_are_read_or_refused_as_by_python(
         ),
         (b"time,u,y,z\n0,1,2,3\n1,2,3,4" + b"," * 300_000, ":3: a line of more than 200,000 characters"),
         (b"7" * 300_000, ":1: a line of more than 200,000 characters"),
-        (b"time,u,y,z\r0,1,2,3\r", ":1: this is not a row of a CSV file (new-line character seen in unquoted field"),
+        (b"time,u,y,z\r\r", "no row below the header"),
         (b"time,u,y,z\n" + b"".join(b"%d,1,2,3\n" % (1000 * k) for k in range(30)), "line 13: the time jumps from"),
     ],
 )
@@ -266,8 +264,19 @@ def test_what_is_no_recording_is_said_as_by_python(
     """Each error has the text that `run` has, and points before it come before it."""
     c, python = readings["plain"].read(text, 5000), python_reads(KINDS["plain"], text, 5000, monkeypatch)
     assert said in c.message
-    assert c.message.partition(" - do you")[0] == python.message.partition(" - do you")[0]  # it changes with Python
+    assert c.message == python.message
     np.testing.assert_array_equal(c.points, python.points)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("most", [100, 2**16])
+def test_lines_end_as_on_any_system(end: str, most: int, readings: Compiled, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However the bytes arrive, and however long the text is."""
+    rows = (f"{k},{k % 7},{k % 11},{k / 3!r}" for k in range(12_000))
+    text = end.join(["time,u,y,z", *rows]).encode()
+    c, python = readings["plain"].read(text, most), python_reads(KINDS["plain"], text, most, monkeypatch)
+    assert_same(KINDS["plain"], c, python)
+    np.testing.assert_array_equal(c.points[:, 1], np.arange(12_000))
 
 
 def test_rows_that_come_too_seldom_for_means_are_refused(readings: Compiled, monkeypatch: pytest.MonkeyPatch) -> None:
