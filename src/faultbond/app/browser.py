@@ -1,5 +1,6 @@
 """`generate --web`: a page of a browser that watches recordings of one model."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,8 +47,7 @@ def generated_page(
         raise FaultbondError("--watch-only has no filters for hypotheses: give it, or --lanes-at-most.")
     graph = load_model(model)
     check_has_time(graph)
-    found = recording or next(iter(sorted(Path(graph.file).parent.glob(BESIDE))), None)
-    played = _read(found, graph) if found is not None else None
+    played = _beside(graph) if recording is None else _read(recording, graph)
     from faultbond.equations.causality import assign_causality  # noqa: PLC0415 - not all need it
     from faultbond.report.browser import render_browser_page  # noqa: PLC0415 - loads jinja2
     from faultbond.synthesis.browser_module import browser_module  # noqa: PLC0415 - loads casadi
@@ -71,6 +71,14 @@ def generated_page(
             f"It {inside}, and takes any other that is dropped on it.",
         ),
     )
+
+
+def _beside(graph: BondGraph) -> "BuiltInRecording | None":
+    """Read the first recording beside the model that is one of its plant; None where there is none."""
+    for path in sorted(Path(graph.file).parent.glob(BESIDE)):
+        with suppress(FaultbondError):
+            return _read(path, graph)
+    return None
 
 
 def _read(recording: Path, graph: BondGraph) -> "BuiltInRecording":

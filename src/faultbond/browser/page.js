@@ -132,7 +132,8 @@ function showPlayer(run, shown, isAtEnd) {
   position.style.setProperty("--ready", `${share(run.count) / 10}%`);
   const now = clockText(run.time(shown - 1));
   position.setAttribute("aria-valuetext", run.count ? now : "at the start");
-  byId("clock").textContent = run.count ? `${now} of ${clockText(run.horizon)}` : "reading";
+  const end = isUnix(begin) ? "" : ` of ${clockText(run.horizon)}`; // a date has no room beside another on a phone
+  byId("clock").textContent = run.count ? now + end : "reading";
 }
 
 // What the program does at a sample: 0 to 2 it has not begun to watch.

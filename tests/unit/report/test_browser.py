@@ -125,7 +125,7 @@ def test_its_records_are_those_of_run(
     assert wrong in page.inner_text("#facts")
 
 
-@pytest.mark.parametrize("fault", ["", "flow.bias=3e-5@1500", "K6=x30@1300..1650"])
+@pytest.mark.parametrize("fault", ["", "flow.bias=3e-5@1500", "K6=x30@1500..1690"])
 def test_its_verdict_is_that_of_the_report(
     fault: str, page: Any, recordings: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
