@@ -115,6 +115,13 @@ def test_a_folder_of_somebody_is_left_alone(project: Path, tmp_path: Path, capsy
     [
         (["-o", "{folder}/no/plant"], "there is no folder"),
         (["-o", "{folder}/file"], "this is a file"),
+        (["-o", "{folder}/plant", "--web"], "plant: a page is one file. Name one that ends in .html"),
+        (["-o", "{folder}/plant.html", "--web", "--target", "native"], "--target: --web writes a page"),
+        (["-o", "{folder}/plant.html", "--web", "--recording", "{folder}/no.csv"], "no.csv: cannot be read"),
+        (
+            ["-o", "{folder}/plant", "--recording", "rows.csv"],
+            "--recording: only a page, --web, has a recording inside",
+        ),
         (["-o", "{folder}/plant", "--target", "pdp11"], "--target pdp11: no such target; one of native, x86_64"),
         (["-o", "{folder}/plant", "--lanes-at-most", "3"], "the single faults of RC circuit, with"),
     ],

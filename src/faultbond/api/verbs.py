@@ -29,6 +29,7 @@ from faultbond.api.result import Result
 from faultbond.api.told import Analysis, FittedModel, Told, printed
 from faultbond.app.analysis import analysed, code_of, traced
 from faultbond.app.any_run import watch_any
+from faultbond.app.browser import generated_page
 from faultbond.app.decision import accepted_in, rejected_in
 from faultbond.app.fmu import generated_fmu
 from faultbond.app.generation import generated
@@ -407,17 +408,21 @@ def generate(
     *,
     target: str | None = None,
     fmu: int | None = None,
+    web: bool = False,
+    recording: PathLike | None = None,
     lanes_at_most: int | None = None,
     watch_only: bool = False,
 ) -> Told:
-    """Write a program and a library in C, or an FMU, that watch the plant and need nothing else.
+    """Write a program and a library in C, an FMU, or a page of a browser, that watch the plant and need nothing else.
 
     Parameters
     ----------
     model : what `load` gives, or the path of a model file
-    output : folder to write, or file of the FMU
+    output : folder to write, or file of the FMU, or of the page
     target : what its Makefile builds for if it is not told; None: the machine on which it is built
     fmu : write an FMU by version 2 or 3 of the standard, not a folder
+    web : write a page that plays recordings, not a folder
+    recording : CSV that the page has inside; None: the first `fault_*.csv` beside the model, if there is one
     lanes_at_most : test no more hypotheses than fit in so many filters, those of the lowest cost first; None: all
     watch_only : raise alarms, and name no fault
 
@@ -432,7 +437,14 @@ def generate(
         raise FaultbondError("target: the library in an FMU is for this machine; others compile its sources")
     if target is not None and target not in TARGETS:
         raise FaultbondError(f"target={target!r}: no such target; one of {', '.join(TARGETS)}")
-    if fmu is None:
+    if web and (fmu is not None or target is not None):
+        raise FaultbondError("web: it writes a page; give it, or fmu or target")
+    if recording is not None and not web:
+        raise FaultbondError("recording: only a page, web=True, has a recording inside")
+    if web:
+        inside = None if recording is None else Path(recording)
+        found = generated_page(source, output=folder, recording=inside, lanes_at_most=most, watch_only=watch_only)
+    elif fmu is None:
         chosen = target or TARGETS[0]
         found = generated(source, output=folder, target=chosen, lanes_at_most=most, watch_only=watch_only)
     else:

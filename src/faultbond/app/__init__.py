@@ -11,6 +11,7 @@ from faultbond.lazy import lazily
 if TYPE_CHECKING:
     from faultbond.app.analysis import analyse, print_code, trace
     from faultbond.app.any_run import run
+    from faultbond.app.browser import generated_page
     from faultbond.app.decision import accept, reject
     from faultbond.app.demonstration import demo
     from faultbond.app.fmu import generated_fmu
@@ -35,6 +36,7 @@ __all__ = [
     "fit",
     "generated",
     "generated_fmu",
+    "generated_page",
     "print_code",
     "reject",
     "run",
@@ -46,6 +48,7 @@ __getattr__ = lazily(
     "faultbond.app",
     {
         "analysis": "analyse print_code trace",
+        "browser": "generated_page",
         "decision": "accept reject",
         "demonstration": "demo",
         "fmu": "generated_fmu",

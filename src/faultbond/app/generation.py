@@ -8,6 +8,7 @@ from faultbond.errors import FaultbondError, ModelError
 from faultbond.io.files import replaced_text
 from faultbond.io.out import Out
 from faultbond.model.document import ModelFile
+from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model
 from faultbond.types import TimeGrid
 
@@ -51,11 +52,7 @@ def generated(model: ModelFile, *, output: Path, target: str, lanes_at_most: int
     if watch_only and lanes_at_most is not None:
         raise FaultbondError("--watch-only has no filters for hypotheses: give it, or --lanes-at-most.")
     graph = load_model(model)
-    if graph.grid is TimeGrid.NONE:
-        raise ModelError(
-            f"{graph.file}: {graph.name} has no time (`sample_time: none`), and a program watches a plant "
-            "in time; `run` diagnoses its observations"
-        )
+    check_has_time(graph)
     check_folder(output)
     from faultbond.app.self_test import self_test  # noqa: PLC0415 - loads casadi
     from faultbond.equations.plant import build_plant  # noqa: PLC0415 - loads scipy
@@ -108,6 +105,21 @@ def generated(model: ModelFile, *, output: Path, target: str, lanes_at_most: int
             f"The self-test is {fault}. Build and test it: make -C {output} all check",
         ),
     )
+
+
+def check_has_time(graph: BondGraph) -> None:
+    """Refuse a model without time.
+
+    Raises
+    ------
+    ModelError
+        Where it has none.
+    """
+    if graph.grid is TimeGrid.NONE:
+        raise ModelError(
+            f"{graph.file}: {graph.name} has no time (`sample_time: none`), and a program watches a plant "
+            "in time; `run` diagnoses its observations"
+        )
 
 
 def check_folder(output: Path) -> None:

@@ -326,7 +326,14 @@ def _add_generate(verbs: Subparsers) -> None:
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
         wanted = {"lanes_at_most": arguments.lanes_at_most, "watch_only": arguments.watch_only}
-        if arguments.fmu is None:
+        if arguments.web:
+            _refuse_beside_web(arguments)
+            found = app.generated_page(
+                arguments.model, output=arguments.folder, recording=arguments.recording, **wanted
+            )
+        elif arguments.recording is not None:
+            raise FaultbondError("--recording: only a page, --web, has a recording inside")
+        elif arguments.fmu is None:
             target = arguments.target or TARGETS[0]
             found = app.generated(arguments.model, output=arguments.folder, target=target, **wanted)
         elif arguments.target is not None:
@@ -337,9 +344,17 @@ def _add_generate(verbs: Subparsers) -> None:
         return DONE
 
     example = "faultbond generate model.yaml -o plant && make -C plant && plant/watch < recording.csv"
-    summary = "write a program and a library in C, or an FMU, that watch the plant, and need nothing else"
+    summary = "write a program and a library in C, an FMU, or a page of a browser, that watch the plant"
     add = _add_verb(verbs, "generate", call, summary, example).add_argument
-    add("-o", "--output", dest="folder", metavar="DIR", type=Path, required=True, help="folder to write, or FILE.fmu")
+    add(
+        "-o",
+        "--output",
+        dest="folder",
+        metavar="DIR",
+        type=Path,
+        required=True,
+        help="folder to write, FILE.fmu or FILE.html",
+    )
     add(
         "--target",
         metavar="NAME",
@@ -352,6 +367,13 @@ def _add_generate(verbs: Subparsers) -> None:
         type=_number("--fmu", 2, 3),
         help="write FILE.fmu: an FMU for co-simulation, by version 2 or 3 of the standard",
     )
+    add("--web", action="store_true", help="write FILE.html: a page that plays recordings, without a server or network")
+    add(
+        "--recording",
+        metavar="REC",
+        type=Path,
+        help="CSV that the page has inside (default: the first fault_*.csv beside the model, if there is one)",
+    )
     add(
         "--lanes-at-most",
         metavar="N",
@@ -359,6 +381,13 @@ def _add_generate(verbs: Subparsers) -> None:
         help="test no more hypotheses than fit in N filters, those of the lowest cost first (default: all)",
     )
     add("--watch-only", action="store_true", help="raise alarms, and name no fault: less memory and code")
+
+
+def _refuse_beside_web(arguments: argparse.Namespace) -> None:
+    """Refuse options that say what else to write than a page."""
+    for option, value in (("--fmu", arguments.fmu), ("--target", arguments.target)):
+        if value is not None:
+            raise FaultbondError(f"{option}: --web writes a page; give one of them")
 
 
 def _target(name: str) -> str:

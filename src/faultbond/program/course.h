@@ -11,9 +11,10 @@
 
 enum { VERDICT_HEALTHY, VERDICT_FAULT, VERDICT_NONE };
 
-typedef struct {
+typedef struct Course {
     Plant *plant;
     Json *json;
+    void (*show)(const struct Course *course, int first, int n); /* sees points that have passed; NULL: nobody does */
     double level; /* probability from which a diagnosis is accepted by rule; NO_LEVEL: a person accepts */
     int goes_on;  /* whether this run goes on from another one, */
     Found found, before; /* what that had found, and what has been found since */
@@ -115,6 +116,7 @@ static void course_pass(Course *course)
                                         course->steps + first, inputs, readings, course->reports, &course->diagnosis);
         const Report *last = &course->reports[taken - 1];
         count_points(course, first, taken);
+        if (course->show) course->show(course, first, taken);
         first += taken;
         course->time = course->times[first - 1];
         if (last->detected) tell_detection(course);
@@ -147,6 +149,9 @@ static void course_finish(Course *course, const Counts *counts)
     }
     write_end(course->json, counts->samples ? course->time : NAN, counts, &course->found);
 }
+
+/* Why a recording without any point says nothing. */
+#define NO_TIMES "-: no row has a time that can be read, before the year 9999. Check the column and unit of `time`: is it in ms or ns?"
 
 /* How the word for so many of something ends. */
 static const char *plural(int64_t many) { return many == 1 ? "" : "s"; }

@@ -232,8 +232,7 @@ static int no_rows(const Course *course, int64_t passed, double last_time)
                 "another state file.\n",
                 last_time);
     else
-        fprintf(stderr, "-: no row has a time that can be read, before the year 9999. Check the column and unit of `time`: is it "
-                        "in ms or ns?\n");
+        fprintf(stderr, NO_TIMES "\n");
     return USER_MISTAKE;
 }
 

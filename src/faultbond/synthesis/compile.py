@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
@@ -46,6 +46,20 @@ TO_INSTALL = (
     "or `pip install 'faultbond[compiler]'`, which needs no rights"
 )
 NO_COMPILER = f"There is no C compiler. {TO_INSTALL}."
+WASM = (
+    "-target",
+    "wasm32-wasi-musl",
+    "-mexec-model=reactor",
+    "-msimd128",
+    "-DFB_LANES=2",
+    "-std=c99",
+    "-fvisibility=hidden",
+    "-ffunction-sections",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-w",
+)
+NO_ZIG = "There is no zig, which compiles for a browser. `pip install ziglang`, or put zig on the PATH."
 _ANOTHER = f"{TO_INSTALL}; CC chooses the one to take, as CC='python -m ziglang cc'."
 _TIMEOUT = 600.0
 _PROCESSOR = ("vendor_id", "cpu family", "model\t", "flags", "Features", "CPU ")  # lines of /proc/cpuinfo that tell it
@@ -171,6 +185,39 @@ def compile_shared(parts: Mapping[str, Mapping[str, str]], compiler: tuple[str, 
         return built.read_bytes()
 
 
+def compile_wasm(texts: Mapping[str, str], names: Sequence[str]) -> bytes:
+    """Give a module of WebAssembly, which shows only what its text exports.
+
+    Parameters
+    ----------
+    texts : all files by their paths; those in `core` and `program` find each other
+    names : those that are compiled
+
+    Raises
+    ------
+    GenerationError
+        Where there is no zig, or it fails.
+    CacheError
+        Where others may write the cache.
+    """
+    zig = ("zig", "cc") if shutil.which("zig") else ZIG
+    if zig == ZIG and find_spec("ziglang") is None:
+        raise GenerationError(NO_ZIG)
+    return _kept(("wasm", *WASM, *texts, *texts.values()), zig, partial(_compile_wasm, texts, names)).content
+
+
+def _compile_wasm(texts: Mapping[str, str], names: Sequence[str], compiler: tuple[str, ...], work: Path) -> Path:
+    """Give the path of a module, made in the folder `work`; zig keeps its library of C for the next model."""
+    for file, text in texts.items():
+        (work / file).parent.mkdir(exist_ok=True)
+        (work / file).write_text(text, encoding="utf-8")
+    built = work / "page.wasm"
+    places = (f"-I{work}", f"-I{work / 'core'}", f"-I{work / 'program'}")
+    told = (*compiler, *WASM, *_options(WARM), *places, *(str(work / name) for name in names), "-s", "-o", str(built))
+    _run(compiler, work, told, keeps_library=True)
+    return built
+
+
 def _compile_object(name: str, texts: Mapping[str, str], compiler: tuple[str, ...], work: Path) -> Path:
     """Give the path of a compiled text, made in the folder `work`."""
     for file, text in texts.items():
@@ -218,13 +265,13 @@ def _compile(
     return built
 
 
-def _run(compiler: tuple[str, ...], work: Path, command: tuple[str, ...]) -> None:
-    """Run the compiler in the folder `work`."""
-    title, flags = compiler_title(compiler), ZIG_FLAGS if "ziglang" in compiler else ()
+def _run(compiler: tuple[str, ...], work: Path, command: tuple[str, ...], *, keeps_library: bool = False) -> None:
+    """Run the compiler in the folder `work`; of another machine it makes a library of C first, worth keeping."""
+    title, flags = compiler_title(compiler), ZIG_FLAGS if "ziglang" in compiler and not keeps_library else ()
     # What zig keeps for another time would be of no use, since a library is compiled once; of `CC`, which may be zig
     # itself, it would ask where the system's library is.
     environment = {name: value for name, value in os.environ.items() if name != "CC"}
-    for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
+    for name in ("ZIG_LOCAL_CACHE_DIR", *(() if keeps_library else ("ZIG_GLOBAL_CACHE_DIR",))):
         environment.setdefault(name, str(work / "zig"))
     try:
         done = subprocess.run(  # noqa: S603 - our own text, no shell

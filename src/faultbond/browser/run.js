@@ -1,0 +1,116 @@
+// One run of the program over a recording: what it has said so far, kept in the order in which it happened, so that the
+// page can show any moment of it. The program runs ahead of what is shown.
+
+const SHOWN = 8; // candidates of a diagnosis that are kept for the ranking
+const CURVES = 500; // diagnoses kept for the curves; of a longer run every second one, then every fourth
+
+// Numbers of each sample as the plots show them, by names; what the program gives is SI.
+function columnsOfModel() {
+  const slow = MODEL.slow.map((item) => ({ name: `slow.${item.place}`, show: (value) => Math.abs(value / item.limit), from: item.place }));
+  const of = (kind, items, show) => items.map((item) => ({ name: `${kind}.${item.name}`, show: (value) => show(item, value) }));
+  const all = [
+    { name: "time", show: (value) => value },
+    { name: "status", show: (value) => value },
+    ...of("input", MODEL.inputs, fromSi),
+    ...of("measured", MODEL.sensors, fromSi),
+    ...of("expected", MODEL.sensors, fromSi),
+    ...of("sd", MODEL.sensors, (item, value) => Math.sqrt(Math.max(value, 0)) / item.factor),
+    ...of("cusum", MODEL.sensors, (item, value) => value / MODEL.cusumLimit),
+  ].map((column, place) => ({ ...column, place }));
+  const first = all.length;
+  return [...all, ...slow.map((column) => ({ ...column, place: first + column.from }))];
+}
+
+// Numbers that grow in number; `values` has room for more than `count`.
+class Column {
+  constructor() {
+    this.values = new Float64Array(1024);
+    this.count = 0;
+  }
+  add(value) {
+    if (this.count === this.values.length) {
+      const more = new Float64Array(2 * this.count);
+      more.set(this.values);
+      this.values = more;
+    }
+    this.values[this.count++] = value;
+  }
+}
+
+class Run {
+  constructor(name, size) {
+    this.name = name;
+    this.size = size;             // bytes of the recording
+    this.share = 0;               // of it that has been read
+    this.plan = columnsOfModel();
+    this.width = 2 + MODEL.inputs.length + 4 * MODEL.sensors.length + MODEL.nSlow;
+    this.columns = Object.fromEntries(this.plan.map(({ name: key }) => [key, new Column()]));
+    this.lines = [];              // records as the program wrote them
+    this.detections = [];         // each with `at`, the number of samples that came before it
+    this.diagnoses = [];
+    this.end = null;              // the last record
+    this.over = null;             // exit code and words, once the program has ended
+  }
+
+  get count() { return this.columns.time.count; }
+  column(name) { return this.columns[name].values; }
+  time(k) { return this.columns.time.values[Math.min(Math.max(k, 0), this.count - 1)]; }
+
+  takeSamples(numbers) {
+    for (let row = 0; row < numbers.length; row += this.width)
+      for (const { name, show, place } of this.plan) this.columns[name].add(show(numbers[row + place]));
+  }
+
+  takeLine({ at, text }) {
+    this.lines.push(text + "\n");
+    const record = JSON.parse(text);
+    if (record.record === "detection") this.detections.push({ ...record, at });
+    if (record.record === "diagnosis" && record.candidates.length) this.diagnoses.push({ ...briefly(record), at });
+    if (record.record === "end") this.end = { ...record, at };
+    if (this.diagnoses.length > CURVES) this.diagnoses = this.diagnoses.filter((item, k, all) => k % 2 === 0 || k === all.length - 1);
+  }
+
+  take({ samples, lines, share, over }) {
+    samples.forEach((numbers) => this.takeSamples(numbers));
+    lines.forEach((line) => this.takeLine(line));
+    this.share = share;
+    if (over) this.over = over;
+  }
+
+  // What had been found when the first `shown` samples had passed.
+  detectionAt(shown) { return last(this.detections, shown); }
+  diagnosisAt(shown) {
+    const detection = this.detectionAt(shown), found = last(this.diagnoses, shown);
+    return detection && found && found.at >= detection.at ? found : null;
+  }
+
+  // Where the recording will end, as far as that is known.
+  get horizon() {
+    const begin = this.time(0), now = this.time(this.count - 1);
+    if (this.over || !this.share) return now;
+    const known = MODEL.recording && this.name === MODEL.recording.name ? MODEL.recording.end : -Infinity;
+    return Math.max(now, known, begin + (now - begin) / this.share);
+  }
+}
+
+const last = (items, shown) => {
+  let found = null;
+  for (const item of items) if (item.at <= shown) found = item;
+  return found;
+};
+
+// A diagnosis with all that is shown of it: all candidates by name and probability, the best ones whole.
+function briefly(record) {
+  const chances = {};
+  for (const candidate of record.candidates) {
+    const key = keyOf(candidate);
+    chances[key] = (chances[key] || 0) + candidate.probability;
+  }
+  const { parts, instruments } = faultProbabilities(record);
+  const group = bestGroup(record).length;
+  const candidates = record.candidates.slice(0, Math.max(SHOWN, group));
+  return { ...record, candidates, chances, parts, instruments, count: record.candidates.length, rest: record.candidates[SHOWN]?.probability };
+}
+
+// What a candidate is called throughout a run, while the kind of fault of an instrument may change.
+const keyOf = (candidate) => suspectsOf(candidate).map(([name]) => about(name).title).join(" with ");

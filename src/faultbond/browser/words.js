@@ -1,0 +1,217 @@
+// What a run has found so far, in words; the same sentences as those of the report (report/verdict.py, suspects.py).
+
+const SIGNIFICANT = 2;    // standard deviations
+const WILD = 0.1;         // of its value, by which a drift may move in a sample
+const OTHERWISE = 0.1;    // a kind with at least this share is told beside the likeliest one
+const NAMED_SETS = 4;     // candidates of a group named in a sentence
+const NEGLIGIBLE = 0.001;
+const MOVES = " (this value still moves)";
+const KIND_WORDS = {
+  step: "a step", drift: "a drift", intermittent: "a fault that comes and goes", bias: "a bias", gain: "a wrong gain",
+  stuck: "one that is stuck", noise: "a sensor that scatters", ramp: "a ramp that has ended",
+};
+const KIND_ENDS = { step: "", drift: " drifting", ramp: " changed over a while", intermittent: " coming and going" };
+
+// What is known of a suspect, by its name in the records.
+const about = (name) => MODEL.suspects[name] || { title: name, owner: name, part: name, unit: "", factor: 1, offset: 0 };
+const fromSi = (item, value) => value == null ? value : (value - item.offset) / item.factor;
+const differenceFromSi = (item, value) => value == null ? value : value / item.factor;
+
+const suspectsOf = (candidate) => Object.entries(candidate.parameters);
+const isInstrument = (name) => name.includes(".");
+const titleOf = (candidate) => suspectsOf(candidate).map(([name]) => about(name).title).join(" with ");
+const titleAndKind = (candidate) => titleOf(candidate) + (KIND_ENDS[candidate.kind] ?? ` ${candidate.kind}`);
+const ownersOf = (candidate) => joined([...new Set(suspectsOf(candidate).map(([name]) => about(name).owner))]);
+const isOff = (item) => Math.abs(item.estimate - (item.nominal || 0)) >= SIGNIFICANT * item.sd;
+
+function bestGroup(diagnosis) {
+  const [first, ...others] = diagnosis.candidates;
+  return [first, ...others.filter((candidate) => candidate.group)];
+}
+
+function isUndetermined(name, item) {
+  if (!isNumber(item.sd) || !isNumber(item.estimate)) return true;
+  const { change } = about(name);
+  return isNumber(change) && item.sd >= MODEL.undetermined * change;
+}
+
+function listed(names) {
+  const more = names.length - NAMED_SETS;
+  return joined(more > 0 ? [...names.slice(0, NAMED_SETS), `${more} more`] : names);
+}
+
+function rateText(unit, item) {
+  const [seconds, , word] = paceOf(item.rate, item.estimate);
+  const [rate, sd] = [item.rate, item.rate_sd].map((value) => differenceFromSi(unit, Math.abs(value || 0)) * seconds);
+  return `${withUnit(rate, unit.unit, sd)} per ${word}`;
+}
+
+function courseText(item) {
+  const took = Math.max(item.ended - item.began, 0);
+  return `in ${durationText(took, 2)} up to ${coarseClockText(item.ended, took)}, and has stayed there since`;
+}
+
+// What is wrong with a sensor or an input.
+function misreading(name, item) {
+  const unit = about(name), { word } = unit;
+  const value = fromSi(unit, item.estimate), sd = differenceFromSi(unit, item.sd);
+  if (word === "stuck") return `it is stuck at ${withUnit(value, unit.unit, sd)}`;
+  if (!isOff(item)) return `its ${word} may still be ${word === "bias" ? "0" : "right"}`;
+  if (word === "gain") {
+    const change = changeText(item.nominal || 0, item.estimate, item.sd);
+    return `it reads ${numberText(value, sd)} times the right value${change ? ` (gain, ${change})` : ""}`;
+  }
+  const size = withUnit(Math.abs(value), unit.unit, sd);
+  if (word === "noise") {
+    const times = numberText(item.estimate / (item.nominal || 1), null, 2);
+    return `it scatters by ${size}, ${times} times as much as the model file says (noise)`;
+  }
+  const isHigh = item.estimate > 0;
+  const text = unit.isInput ? `it acts ${size} ${isHigh ? "above" : "below"} what is recorded` : `it reads ${size} too ${isHigh ? "high" : "low"}`;
+  if (item.began != null) return `${text} (bias); it came to that ${courseText(item)}`;
+  if (item.rate == null) return `${text} (bias)`;
+  if (Math.abs(item.rate) < SIGNIFICANT * (item.rate_sd || 0)) return `${text} now, and drifts at a rate that is not known yet`;
+  return `${text} now, and this ${item.rate * item.estimate > 0 ? "grows" : "shrinks"} by ${rateText(unit, item)} (drift)`;
+}
+
+// What happened to a parameter that drifts; limits and when they are reached stand in the report.
+function driftText(name, item, estimate, bracket, unclear) {
+  const unit = about(name), isMoving = Math.abs(item.rate) >= SIGNIFICANT * (item.rate_sd || 0);
+  if (!isMoving && !isOff(item)) return `${unclear}, or move at a rate that is not known yet`;
+  const text = `${name} is ${estimate} now${bracket}`, size = Math.max(Math.abs(item.nominal || 0), Math.abs(item.estimate));
+  const step = Math.abs(item.rate) * (MODEL.sampleTime || 0);
+  if (isMoving && size > 0 && step > WILD * size) return `${text}, and moves too fast to be a drift`;
+  const verb = item.rate > 0 ? "rises" : "falls";
+  return `${text} and ${isMoving ? `${verb} by ${rateText(unit, item)}` : "moves at a rate that is not known yet"}`;
+}
+
+// What happened to a suspect of a candidate, as half a sentence.
+function changeOf(candidate, name, item) {
+  const unit = about(name), isAlone = suspectsOf(candidate).length === 1;
+  const isPassing = candidate.kind === "intermittent";
+  const passing = isPassing ? ` while the fault is there; it is ${candidate.present ? "there" : "gone"} now` : "";
+  if (isUndetermined(name, item)) {
+    const its = isAlone ? `its ${unit.word}` : `the ${unit.word} of ${unit.signal}`;
+    return `${isInstrument(name) ? its : name} is not determined by the data`;
+  }
+  if (isInstrument(name)) {
+    const told = misreading(name, item) + passing;
+    return isAlone ? told : told.replace(/^it /, `${unit.signal} `).replace(/^its /, `${unit.signal}'s `);
+  }
+  const estimate = withUnit(fromSi(unit, item.estimate), unit.unit, differenceFromSi(unit, item.sd));
+  const healthy = numberText(fromSi(unit, item.nominal || 0)), change = changeText(item.nominal || 0, item.estimate, item.sd);
+  const bracket = change ? ` (${change})` : "", unclear = `${name} may still be ${withUnit(fromSi(unit, item.nominal || 0), unit.unit)}`;
+  if (candidate.kind === "drift" && item.rate != null) return driftText(name, item, estimate, bracket, unclear);
+  if (isPassing) return `${name} is ${estimate}${bracket} instead of ${healthy}${passing}`;
+  if (!isOff(item)) return unclear;
+  const text = `${name} ${item.estimate > (item.nominal || 0) ? "rose" : "fell"} from ${healthy} to ${estimate}${bracket}`;
+  return item.began != null ? `${text} ${courseText(item)}` : text;
+}
+
+function unexplainedSentence(found) {
+  const [since, until] = [clockText(found.since), clockText(found.until)];
+  const when = since === until ? `at ${since}` : `between ${since} and ${until}, on average`;
+  return `None of the modelled faults explains this: the best fit is still ${numberText(found.sd, null, 2)} standard deviations off in ${found.signal} ${when}.`;
+}
+
+// Why no candidate is claimed of what began with this alarm; empty where one is.
+function noClaim(diagnosis, detection) {
+  if (diagnosis.mismatch && detection.walk) {
+    const name = detection.walk.parameter;
+    return `Most likely the model is off: ${name}, which counts as healthy, had to move too far, ${certaintyText(diagnosis.mismatch)}. ` +
+      `Declare the accuracy of ${name} larger, or that it wanders, or mend what moves it.`;
+  }
+  if (diagnosis.unexplained) return unexplainedSentence(diagnosis.unexplained);
+  if (!(diagnosis.within_accuracy > diagnosis.candidates[0].probability)) return "";
+  return `Something changed, by no more than the declared accuracy allows a healthy part, ${certaintyText(diagnosis.within_accuracy)}.`;
+}
+
+function actionText(item) {
+  if (item.check === "input") {
+    const unit = MODEL.inputs.find((input) => input.name === item.target);
+    const value = item.value == null ? "" : ` to ${withUnit(fromSi(unit, item.value), unit.unit, null, 3)}`;
+    return `move ${item.target}${value}${item.within == null ? "" : ` and wait ${durationText(item.within, 2)}`}`;
+  }
+  if (item.check === "signal") return `measure ${item.target} by hand`;
+  const part = MODEL.parts[item.target];
+  return part ? `look at ${part}` : `check ${(MODEL.instruments[item.target] || item.target)}`;
+}
+
+function nearest(best, group, changes) {
+  if (group.length > 1) return `Nearest come ${listed(group.map(titleOf))}.`;
+  const isCouple = best.kind === "drift" && suspectsOf(best).some(([, item]) => item.rate == null);
+  const isChange = ["step", "ramp"].includes(best.kind) && !suspectsOf(best).some(([name]) => isInstrument(name));
+  const what = best.kind === "drift" && !isCouple ? "a drift" : isChange ? "a change" : "a fault";
+  return `Nearest comes ${what} of ${ownersOf(best)}: ${changes}.`;
+}
+
+function apart(diagnosis, group, best) {
+  const names = listed(group.map((item) => `${titleAndKind(item)} (${(100 * item.probability).toFixed(0)}${NO_BREAK}%)`));
+  const shared = suspectsOf(best).filter(([name]) => group.every((other) => name in other.parameters));
+  const hint = shared.length ? ` All contain ${joined(shared.map(([name]) => `${name} of ${about(name).owner}`))}.` : "";
+  const advice = diagnosis.advice[0];
+  if (!advice) return `Cannot yet be told apart: ${names}; more data, or a change of input, would be needed.${hint}`;
+  return `Cannot yet be told apart: ${names}.${hint} Best next: ${actionText(advice)}.`;
+}
+
+function certaintyOf(diagnosis) {
+  const best = diagnosis.candidates[0], left = diagnosis.untested;
+  const sure = certaintyText(best.probability);
+  if (!left || !left.sets) return `, ${sure}`;
+  if (left.probability >= 1) return `, ${sure} among the sets tested`;
+  const least = certaintyText(best.probability * (1 - left.probability));
+  return least === sure ? `, ${sure}` : `, at least ${least}`;
+}
+
+function otherwiseText(best) {
+  const others = Object.entries(best.kinds).filter(([kind, share]) => kind !== best.kind && share >= OTHERWISE);
+  return others.length ? ` It may also be ${others.map(([kind, share]) => `${KIND_WORDS[kind]} (${(100 * share).toFixed(0)}${NO_BREAK}%)`).join(" or ")}.` : "";
+}
+
+// What a diagnosis says, in plain words.
+function verdictSentence(diagnosis, detection) {
+  const group = bestGroup(diagnosis), best = group[0], suspects = suspectsOf(best);
+  const changes = suspects.map(([name, item]) => changeOf(best, name, item) + (item.moved ? MOVES : "")).join("; ");
+  const off = noClaim(diagnosis, detection);
+  if (off) return `${off} ${nearest(best, group, changes)}`;
+  if (group.length > 1) return apart(diagnosis, group, best);
+  const isOne = best.components.length === 1, owners = ownersOf(best);
+  const isMixed = suspects.some(([name]) => isInstrument(name)) || (best.kind === "drift" && suspects.some(([, item]) => item.rate == null));
+  let event = `${owners} ${isOne ? "is" : "are"} at fault`;
+  if (best.kind === "intermittent") event = `a fault of ${owners} comes and goes`;
+  else if (["step", "ramp", "drift"].includes(best.kind) && !isMixed) event = `${owners} ${best.kind !== "drift" ? "changed" : isOne ? "drifts" : "drift"}`;
+  return `Most likely ${event}: ${changes}${certaintyOf(diagnosis)}.${otherwiseText(best)}`;
+}
+
+// That the alarm was a short while ago, so that the verdict may change; empty where it was not.
+function earlySentence(diagnosis, detection) {
+  if (!MODEL.sampleTime) return "";
+  const since = Math.round((diagnosis.time - detection.time) / MODEL.sampleTime);
+  if (since >= MODEL.lastRenewal) return "";
+  return `This is early, ${withNoun(since, "sample")} after the alarm: up to ${MODEL.lastRenewal} it may still change.`;
+}
+
+// What may be true beside the candidates.
+function besideText(diagnosis) {
+  const told = [], left = diagnosis.untested;
+  if (diagnosis.mismatch) told.push(`With ${probabilityText(diagnosis.mismatch)}${NO_BREAK}% the model is off: what had to move too far counts as healthy.`);
+  if (diagnosis.within_accuracy >= NEGLIGIBLE)
+    told.push(`With ${probabilityText(diagnosis.within_accuracy)}${NO_BREAK}% no part that is tested changed by more than its declared accuracy allows a healthy one.`);
+  if (left && left.sets)
+    told.push(`Another ${left.sets} sets were too many to be tested; ` + (left.probability >= 1
+      ? "how likely it is that the truth is among them cannot be told."
+      : `the truth is among them with at most ${(Math.ceil(1000 * left.probability - 1e-9) / 10).toFixed(1)}${NO_BREAK}%.`));
+  return told.join(" ");
+}
+
+// How likely it is that each component is at fault, or each sensor or input.
+function faultProbabilities(diagnosis) {
+  const parts = {}, instruments = {};
+  for (const candidate of diagnosis.candidates) {
+    const found = { parts: new Set(), instruments: new Set() };
+    for (const [name] of suspectsOf(candidate)) found[isInstrument(name) ? "instruments" : "parts"].add(about(name).part);
+    for (const name of found.parts) parts[name] = Math.min(1, (parts[name] || 0) + candidate.probability);
+    for (const name of found.instruments) instruments[name] = Math.min(1, (instruments[name] || 0) + candidate.probability);
+  }
+  return { parts, instruments };
+}
