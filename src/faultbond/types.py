@@ -12,6 +12,7 @@ TARGETS = (  # machines that a generated program is built for; the first is the 
     "x86_64-windows",
     "aarch64-macos",
     "wasm32-wasi",
+    "cortex-m7",
 )
 
 

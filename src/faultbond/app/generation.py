@@ -79,6 +79,7 @@ def generated(model: ModelFile, *, output: Path, target: str, lanes_at_most: int
             sizes=core.sizes,
             recording=test.recording,
             records=test.records,
+            samples=test.samples,
             target=target,
         )
     )

@@ -37,10 +37,15 @@ _START = 20  # samples from which a start is solved
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SelfTest:
-    """Recorded samples as CSV, their records as JSON lines, and the parameter that is at fault; empty: none is."""
+    """Recorded samples as CSV, their records as JSON lines, and the parameter that is at fault; empty: none is.
+
+    samples : (n_samples, 2 + n_inputs + n_sensors), those of the recording as the core takes them: time and step (s),
+        inputs and readings, SI, nan where missing
+    """
 
     recording: str
     records: str
+    samples: FloatArray
     fault: str
 
 
@@ -106,15 +111,20 @@ def _tried(
     with TemporaryDirectory() as work:
         path = Path(work) / "recording.csv"
         write_recording(path, columns(rows, simulation, digits=_DIGITS))
+        records, samples = records_of(graph, core, path)
         return SelfTest(
             recording=path.read_text(encoding="utf-8"),
-            records=records_of(graph, core, path),
+            records=records,
+            samples=samples,
             fault=fault.parameter if fault else "",
         )
 
 
-def records_of(graph: BondGraph, core: Core, recording: Path) -> str:
-    """Give the records of a recording as `run` writes them of one that comes on standard input."""
+def records_of(graph: BondGraph, core: Core, recording: Path) -> tuple[str, FloatArray]:
+    """Give the records of a recording as `run` writes them of one that comes on standard input, and its samples.
+
+    These have the shape (n_samples, 2 + n_inputs + n_sensors); see `SelfTest`.
+    """
     spec, lines = core.spec, io.StringIO()
     out, watcher = Out(text=None, json=lines), BankWatcher(core)
     grid = Grid(
@@ -135,10 +145,14 @@ def records_of(graph: BondGraph, core: Core, recording: Path) -> str:
         )
     )
     course = Course(watcher, grid, Following(out=out))
+    taken = []
     for rows in read_blocks(str(recording), columns_of(graph)):
         for points in grid.push_block(rows):
             course.take(points)
+            taken.append(points)
     for points in blocks_of_points(grid.finish()):
         course.take(points)
+        taken.append(points)
     course.finish()
-    return lines.getvalue()
+    samples = [np.column_stack([points.time, points.dt, points.u, points.y]) for points in taken]
+    return lines.getvalue(), np.concatenate(samples)

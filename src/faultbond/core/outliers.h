@@ -24,10 +24,10 @@ FB_SELDOM
 
 /* A start; readings of sensor j at sample t stand at t * N_OUTPUTS + j. */
 typedef struct {
-    double samples[MOST_FIRST][N_SAMPLE];               /* without the readings that are left out */
     double mean[FB_ROOM(N_STATES)], covariance[FB_ROOM(AT_SLOT * AT_SLOT)];
-    double misfit[FIRST_READINGS];                      /* how far all readings that are there lie from it, sd */
-    uint8_t left_out[FIRST_READINGS];
+    double misfit[FIRST_READINGS];                      /* how far all readings that are there lie from it, sd, */
+    double scale[FIRST_READINGS];                       /* and by how much each was blanked */
+    uint8_t left_out[FIRST_READINGS], used[FIRST_READINGS]; /* 1: the reading is; it is there, and is not */
 } Fit;
 
 /* Samples in which an input may be wild. */
@@ -46,7 +46,7 @@ typedef struct {
 typedef struct {
     SolveMemory solve;
     Fit fits[3]; /* the one that is kept, and two for the next */
-    double packed[MOST_FIRST][N_SAMPLE], again[MOST_FIRST][N_SAMPLE], weighted[MOST_FIRST][N_SAMPLE];
+    double again[MOST_FIRST][N_SAMPLE], weighted[MOST_FIRST][N_SAMPLE]; /* samples with inputs refused; as they are fitted */
     double factor[FIRST_READINGS], sorted[MOST_FIRST], apart[MOST_FIRST];
     uint8_t alone[FIRST_READINGS], far[FIRST_READINGS];
     uint8_t refused[MOST_FIRST][FB_ROOM(N_INPUTS)], without[MOST_FIRST][FB_ROOM(N_INPUTS)];
@@ -112,13 +112,13 @@ static void fit_start(const Task *task, double (*samples)[N_SAMPLE], const uint8
 {
     StartMemory *memory = task->memory;
     for (int64_t t = 0; t < task->count; t++) {
-        memcpy(fit->samples[t], samples[t], sizeof fit->samples[t]);
         memcpy(memory->weighted[t], samples[t], sizeof memory->weighted[t]);
         for (int j = 0; j < N_OUTPUTS; j++) {
             const int64_t k = t * N_OUTPUTS + j;
             fit->left_out[k] = left_out ? left_out[k] : 0;
-            fit->samples[t][SAMPLE_USE + j] = samples[t][SAMPLE_USE + j] > 0.0 && !fit->left_out[k];
-            memory->weighted[t][SAMPLE_USE + j] = fit->samples[t][SAMPLE_USE + j];
+            fit->scale[k] = samples[t][SAMPLE_SCALE + j];
+            fit->used[k] = samples[t][SAMPLE_USE + j] > 0.0 && !fit->left_out[k];
+            memory->weighted[t][SAMPLE_USE + j] = fit->used[k];
             if (factor) memory->weighted[t][SAMPLE_SCALE + j] *= factor[k];
         }
     }
@@ -131,9 +131,8 @@ static void fit_start(const Task *task, double (*samples)[N_SAMPLE], const uint8
 /* Whether the plant runs away from everywhere, so that no reading is to blame. */
 static int runs_away(const Fit *fit, int64_t count)
 {
-    for (int64_t t = 0; t < count; t++)
-        for (int j = 0; j < N_OUTPUTS; j++)
-            if (fit->samples[t][SAMPLE_USE + j] > 0.0 && fit->misfit[t * N_OUTPUTS + j] != RUN_AWAY) return 0;
+    for (int64_t k = 0; k < count * N_OUTPUTS; k++)
+        if (fit->used[k] && fit->misfit[k] != RUN_AWAY) return 0;
     return 1;
 }
 
@@ -306,10 +305,8 @@ static void pack_again(const State *state, double (*samples)[N_SAMPLE], int64_t 
 static double said_for_trial(const Fit *fit, const Fit *trial, int64_t count)
 {
     double sum = 0.0;
-    for (int64_t t = 0; t < count; t++)
-        for (int j = 0; j < N_OUTPUTS; j++)
-            if (fit->samples[t][SAMPLE_SCALE + j] == trial->samples[t][SAMPLE_SCALE + j])
-                sum += said_for_second(fit->misfit[t * N_OUTPUTS + j], trial->misfit[t * N_OUTPUTS + j]);
+    for (int64_t k = 0; k < count * N_OUTPUTS; k++)
+        if (fit->scale[k] == trial->scale[k]) sum += said_for_second(fit->misfit[k], trial->misfit[k]);
     return sum;
 }
 
@@ -324,7 +321,7 @@ static double needed(const Suspected *suspected, int64_t count)
 
 /* Try each suspected stretch of an input as missing, beside those that were refused before; gives the fit that is
    kept. */
-static Fit *refuse_inputs(const Task *task, const State *state, Fit *kept)
+static Fit *refuse_inputs(const Task *task, const State *state, double (*samples)[N_SAMPLE], Fit *kept)
 {
     StartMemory *memory = task->memory;
     for (int k = 0; k < memory->n_suspected; k++) {
@@ -335,7 +332,7 @@ static Fit *refuse_inputs(const Task *task, const State *state, Fit *kept)
             if (&memory->fits[f] != kept) others[n++ & 1] = &memory->fits[f];
         memcpy(memory->without, memory->refused, sizeof memory->without);
         for (int64_t t = suspected->first; t <= suspected->last; t++) memory->without[t][suspected->input] = 1;
-        pack_again(state, memory->packed, task->count, memory->without, &memory->trial, memory->again);
+        pack_again(state, samples, task->count, memory->without, &memory->trial, memory->again);
         Fit *trial = fit_robustly(task, memory->again, others[0], others[1]);
         if (!(said_for_trial(kept, trial, task->count) > needed(suspected, task->count))) continue;
         memcpy(memory->refused, memory->without, sizeof memory->refused);
@@ -345,23 +342,27 @@ static Fit *refuse_inputs(const Task *task, const State *state, Fit *kept)
     return kept;
 }
 
-/* Go on as if the refused inputs had been missing; whether one that is refused at the last sample is wild, the next
-   sample tells. Gives how many values were refused before it. */
-static int64_t go_without(State *state, int64_t count, const StartMemory *memory)
+/* Go on as if the refused inputs had been missing, from the samples too; whether one that is refused at the last of them is
+   wild, the next sample tells. Gives how many values were refused before it. */
+static int64_t go_without(State *state, double (*samples)[N_SAMPLE], int64_t count, StartMemory *memory)
 {
     int64_t n = 0;
     int any = 0;
+    double last[FB_ROOM(N_INPUTS)];
     for (int64_t t = 0; t < count; t++)
         for (int k = 0; k < N_INPUTS; k++) {
             any |= memory->refused[t][k];
             n += t < count - 1 && memory->refused[t][k];
         }
     if (!any) return 0;
+    memcpy(last, samples[count - 1] + SAMPLE_U, N_INPUTS * sizeof *last);
+    pack_again(state, samples, count, memory->refused, &memory->trial, memory->again);
+    memcpy(samples, memory->again, (size_t)count * sizeof *samples);
     state->clock = memory->kept.clock;
     state->inputs = memory->kept.inputs;
     memcpy(state->healthy.astray, memory->kept.astray, sizeof memory->kept.astray);
     for (int k = 0; k < N_INPUTS; k++)
-        state->inputs.odd[k] = memory->refused[count - 1][k] ? memory->packed[count - 1][SAMPLE_U + k] : NAN;
+        state->inputs.odd[k] = memory->refused[count - 1][k] ? last[k] : NAN;
     state->inputs.odd_since = state->clock.index;
     return n;
 }
@@ -374,16 +375,17 @@ static int64_t begin(State *state, int64_t count, const double *known, int again
                      double *mean, double *covariance, StartMemory *memory, Filter_plain *work)
 {
     const Task task = {count, known, again, &state->normal, memory, work};
-    memcpy(memory->packed, samples, (size_t)count * sizeof *samples);
     memset(memory->refused, 0, sizeof memory->refused);
-    Fit *fit = fit_robustly(&task, memory->packed, &memory->fits[0], &memory->fits[1]);
+    Fit *fit = fit_robustly(&task, samples, &memory->fits[0], &memory->fits[1]);
     memory->n_suspected = 0;
-    find_strays(memory->packed, count, memory);
-    if (any_farther(fit, count, SPIKE) && !runs_away(fit, count)) find_spikes(memory->packed, count, memory);
-    fit = refuse_inputs(&task, state, fit);
-    int64_t n_wild = go_without(state, count, memory);
-    for (int64_t k = 0; k < count * N_OUTPUTS; k++) n_wild += fit->left_out[k];
-    memcpy(samples, fit->samples, (size_t)count * sizeof *samples);
+    find_strays(samples, count, memory);
+    if (any_farther(fit, count, SPIKE) && !runs_away(fit, count)) find_spikes(samples, count, memory);
+    fit = refuse_inputs(&task, state, samples, fit);
+    int64_t n_wild = go_without(state, samples, count, memory);
+    for (int64_t k = 0; k < count * N_OUTPUTS; k++) {
+        n_wild += fit->left_out[k];
+        samples[k / N_OUTPUTS][SAMPLE_USE + k % N_OUTPUTS] = fit->used[k];
+    }
     memcpy(mean, fit->mean, N_STATES * sizeof *mean);
     memcpy(covariance, fit->covariance, AT_SLOT * AT_SLOT * sizeof *covariance);
     return n_wild;

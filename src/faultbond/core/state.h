@@ -17,7 +17,7 @@ enum { TREND_LEVEL, TREND_SLOPE, TREND_VARIANCE, TREND_TIE, TREND_SLOPES, TREND_
 #define AT_START (2 * WALKS)
 #define DEPTH (HISTORY_SAMPLES + 2) /* samples of a trail */
 #define SPREAD 128                  /* samples over which work on the bank may be spread, */
-#define N_ROWS (DEPTH + SPREAD)     /* and with them those that are kept */
+#define N_ROWS (DEPTH + (N_LANES > 0 ? SPREAD : 0)) /* and those that are kept: with these, if there is a bank */
 #define GROUP 8                     /* lanes that begin and are kept side by side: a multiple of FB_LANES */
 #define MOST_ONSETS 128             /* that a group of lanes may try */
 #define FOUND (LARGEST_SET > 2 ? LARGEST_SET : 2)

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.couples import PER_COUPLE, n_coupled
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.reserve import PER_SET, n_grown
@@ -22,6 +23,7 @@ from faultbond.model.parser import number_text, to_text
 from faultbond.synthesis.columns_text import columns_text
 from faultbond.synthesis.names_text import names_text
 from faultbond.synthesis.readable import enumeration, in_comment, laws_of, readable_model, tested
+from faultbond.synthesis.samples_text import samples_text
 from faultbond.types import TARGETS
 
 FLEETS = ("alone.h", "fleet.c", "fleet.h", "threads.c")  # files of the core that only fleets need
@@ -37,6 +39,8 @@ class ProjectParts:
     model : `model.h`, as `model_text` gives it
     sizes : bytes of a state, of work memory and of a saved state, by these names
     recording, records : of the self-test: CSV, and the JSON lines that `run` writes of it
+    samples : (n_samples, 2 + n_inputs + n_sensors), those that the core takes of it: time and step (s), inputs and
+        readings, SI, nan where missing
     target : what `make` builds for if it is not told
     """
 
@@ -46,6 +50,7 @@ class ProjectParts:
     sizes: Mapping[str, int]
     recording: str
     records: str
+    samples: FloatArray
     target: str = TARGETS[0]
 
 
@@ -59,6 +64,8 @@ def project_files(parts: ProjectParts) -> dict[str, str]:
     found |= {f"core/{name}": text for name, text in _folder("core").items() if name not in FLEETS}
     found |= {f"program/{name}": text for name, text in _folder("program").items() if name != _WITH_CORE}
     found["program/memory.c"] = _filled("memory.c", holes)
+    found |= {f"board/{name}": text for name, text in _folder("board").items()}
+    found["check/samples.h"] = samples_text(parts.samples, parts.records)
     found |= {f"check/{name}": _filled(name, holes) for name in ("compare.c", "wasi.mjs")}
     found["check/recording.csv"], found["check/expected.jsonl"] = parts.recording, parts.records
     return dict(sorted(found.items()))
@@ -121,7 +128,7 @@ def with_lanes(spec: EngineSpec, most: int) -> EngineSpec:
 def _folder(name: str) -> dict[str, str]:
     """Give the files of C in a folder of the package, by name."""
     items = sorted(files("faultbond").joinpath(name).iterdir(), key=lambda item: item.name)
-    return {item.name: item.read_text(encoding="utf-8") for item in items if item.name.endswith((".h", ".c"))}
+    return {item.name: item.read_text(encoding="utf-8") for item in items if item.name.endswith((".h", ".c", ".ld"))}
 
 
 def _filled(name: str, holes: Mapping[str, str]) -> str:

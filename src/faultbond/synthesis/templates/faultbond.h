@@ -37,6 +37,12 @@ extern "C" {
 /* The name of a suspect, as the model file has it: of a parameter, a sensor or an input. */
 const char *fb_suspect_name(const Suspect *suspect);
 
+/* With -DFB_MEMORY the library has memory for one plant and its calls, no more than it needs where it computes one lane at a
+   time: FB_WORK_BYTES is for as many lanes as any machine computes. */
+#ifdef FB_MEMORY
+extern unsigned char fb_memory_state[], fb_memory_work[];
+#endif
+
 #ifdef __cplusplus
 }
 #endif

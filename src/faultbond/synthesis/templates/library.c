@@ -8,6 +8,10 @@
 typedef char state_has_room[sizeof(State) <= FB_STATE_BYTES ? 1 : -1];
 typedef char work_has_room[sizeof(Work) <= FB_WORK_BYTES ? 1 : -1];
 
+#ifdef FB_MEMORY
+FB_ALIGNED unsigned char fb_memory_state[sizeof(State)], fb_memory_work[sizeof(Work)];
+#endif
+
 const char *fb_suspect_name(const Suspect *suspect)
 {
     static const char *const parameters[] = {{{parameter_texts}}};
