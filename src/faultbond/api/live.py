@@ -21,6 +21,7 @@ from faultbond.app.plant import find_plant
 from faultbond.app.plant_run import begin, columns_after
 from faultbond.app.wishes import Wanted
 from faultbond.contract.findings import Decision, Detection, Diagnosis
+from faultbond.contract.silence import Silent
 from faultbond.errors import FaultbondError, ModelError, RecordingError
 from faultbond.io.grid import GridPoint, Row, blocks_of_points
 from faultbond.io.out import Out
@@ -253,6 +254,11 @@ class Monitor:
     def no_verdict(self) -> str:
         """Why nothing can be said of the plant; empty where something can."""
         return self._course.no_verdict()
+
+    @property
+    def silent(self) -> tuple[Silent, ...]:
+        """Sensors, then inputs, that have given no value, hardly any, or none for long."""
+        return self._course.silent
 
     @property
     def counts(self) -> Mapping[str, int | float | None]:

@@ -216,6 +216,8 @@ static void end_run(const Reader *reader, Course *course, Keeper *keeper)
     static GridClock clock;
     const Counts counts = reader_counts(reader);
     if (keeper->path && reader_clock(reader, &clock)) keep_run(keeper, &clock, course, 1);
+    course->n_rows = reader_rows(reader);
+    course->n_dropped = reader_dropped(reader);
     course_finish(course, &counts);
     mind_output(course->json->out);
     if (course->json->out->lost && !is_output_closed(course->json->out))
@@ -245,6 +247,7 @@ static int conclude_run(const Reader *reader, const Course *course, const Counts
     char reason[REASON_ROOM];
     if (counts.samples == before->samples) return no_rows(course, counts.duplicate - before->duplicate, last_time);
     if (no_verdict(course, counts.samples, reason)) fprintf(stderr, "faultbond: no verdict: %s.\n", reason);
+    else tell_silence(&course->presence);
     return codes[verdict_of(course, counts.samples)];
 }
 

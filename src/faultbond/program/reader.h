@@ -1,4 +1,4 @@
-/* CSV text in, grid points out: all of the reading side behind eight functions, without allocation.
+/* CSV text in, grid points out: all of the reading side behind ten functions, without allocation.
 
    static Reader reader;                                      (some 300 KiB: not on a stack)
    reader_begin(&reader);
@@ -164,6 +164,11 @@ static inline int reader_next(Reader *reader, Point *point)
 
 /* What has been passed so far, with what an earlier reader passed. */
 static inline Counts reader_counts(const Reader *reader) { return reader->grid.counts; }
+
+/* How many rows with a time were taken since this reader began, and how many of them came too late to be used. */
+static inline int64_t reader_rows(const Reader *reader) { return reader->grid.n_rows; }
+
+static inline int64_t reader_dropped(const Reader *reader) { return reader->grid.n_dropped; }
 
 /* Whether all points of the rows so far are given, so that the clock and the points are of one moment. It is so after each
    READER_WAITS, and between two points wherever the next one is of another row. */

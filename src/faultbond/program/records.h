@@ -6,6 +6,7 @@
 #include "json.h"
 #include "plant.h"
 #include "point.h"
+#include "presence.h"
 
 /* What a run has found so far. is_open: nothing was accepted yet for the last alarm. */
 typedef struct {
@@ -274,8 +275,28 @@ static void write_decision(Json *json, const char *kind, double time, const Cand
     end_record(json);
 }
 
-/* The last record. time: last grid point; nan: there was none. */
-static void write_end(Json *json, double time, const Counts *counts, const Found *found)
+/* Sensors and inputs that gave no value, hardly any, or none for long. */
+static void tell_silent(Json *json, const Presence *presence)
+{
+    json_key(json, "silent");
+    json_open(json, '[');
+    for (int k = 0; k < N_HEARD; k++) {
+        double since, until;
+        if (!is_silent(presence, k)) continue;
+        longest_silence(presence, k, &since, &until);
+        json_open(json, '{');
+        tell_text(json, "name", signal_name(k));
+        tell_text(json, "role", signal_role(k));
+        tell_whole(json, "values", presence->values[k]);
+        tell_real(json, "since", since);
+        tell_real(json, "until", until);
+        json_close(json, '}');
+    }
+    json_close(json, ']');
+}
+
+/* The last record. time: last grid point; nan: there was none. dropped, presence: of this run alone. */
+static void write_end(Json *json, double time, const Counts *counts, const Found *found, int64_t dropped, const Presence *presence)
 {
     begin_record(json, "end");
     tell_real(json, "time", time);
@@ -293,6 +314,8 @@ static void write_end(Json *json, double time, const Counts *counts, const Found
     tell_whole(json, "wild", found->wild);
     tell_whole(json, "outside", found->outside);
     tell_whole(json, "sensors_outside", found->sensors_outside);
+    tell_whole(json, "dropped", dropped);
+    tell_silent(json, presence);
     end_record(json);
 }
 
