@@ -83,6 +83,7 @@ static void tell_detection(Course *course)
     const Alarm alarm = plant_alarm(course->plant);
     course->found.detections++;
     course->found.is_open = 1;
+    course->found.opened = alarm.sample;
     course->found.rejected = 0;
     write_detection(course->json, &alarm);
 }
@@ -101,10 +102,35 @@ static void tell_diagnosis(Course *course, int64_t point, int is_outside)
         course->is_refused = 1;
         return;
     }
-    course->found.is_open = 0;
-    course->found.rejected = 0;
-    course->found.accepted++;
+    note_accepted(&course->found, hypothesis, 0);
     write_decision(course->json, "accepted", course->diagnosis.time, &course->candidate, "rule", 0);
+}
+
+/* Decide as a person did, in the file of this run, of the alarm that is open; `other`: what was found there. A candidate that
+   is not among the listed ones any more is passed over. */
+static void course_heed(Course *course, const Found *other)
+{
+    Found *found = &course->found;
+    const PlantMemory *memory = &course->plant->memory;
+    Candidate *candidate = &course->candidate;
+    if (!found->is_open || other->detections != found->detections) return; /* what was decided of is past */
+    if (other->is_open && other->opened != found->opened) return;          /* of another run */
+    if (other->accepted > found->accepted) {
+        const int64_t chosen = other->last_accepted;
+        const int is_repaired = other->is_repaired != 0;
+        if (is_repaired ? fb_repair(memory->state, memory->work, chosen, candidate)
+                        : fb_accept(memory->state, memory->work, chosen, candidate))
+            return;
+        note_accepted(found, chosen, is_repaired);
+        write_decision(course->json, "accepted", course->time, candidate, "person", is_repaired);
+        return;
+    }
+    for (int64_t k = 0; k < other->rejected && k < MOST_REJECTED; k++) {
+        const int64_t gone = other->ruled_out[k];
+        if (is_ruled_out(found, gone) || fb_reject(memory->state, memory->work, gone, candidate)) continue;
+        note_rejected(found, gone);
+        write_decision(course->json, "rejected", course->time, candidate, "person", 0);
+    }
 }
 
 /* Pass the points that wait, and write what the core says to them. */

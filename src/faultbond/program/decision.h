@@ -1,5 +1,6 @@
 /* What a person makes of the candidates of a kept run: one becomes the new healthy model, or is mended, or is ruled out. The
-   file is read, the core decides, and the file is written; a run goes on from it. Not while a run keeps itself in that file. */
+   file is read, the core decides, and the file is written; a run goes on from it. One that keeps itself in that file heeds it at
+   its next rows. */
 #ifndef WATCH_DECISION_H
 #define WATCH_DECISION_H
 
@@ -99,9 +100,8 @@ static int decide(Keeper *keeper, const Decision *decision, Course *course, cons
     if (hypothesis < 0) return 2;
     const int64_t refused = call_core(decision->what, memory, hypothesis, &course->candidate);
     if (refused) return refused_decision(refused);
-    course->found.is_open = is_rejected;
-    course->found.accepted += !is_rejected;
-    course->found.rejected = is_rejected ? course->found.rejected + 1 : 0;
+    if (is_rejected) note_rejected(&course->found, hypothesis);
+    else note_accepted(&course->found, hypothesis, decision->what == DECIDE_REPAIRED);
     clock = keeper->clock;
     keep_run(keeper, &clock, course, 1);
     if (keeper->is_failing) return 2;

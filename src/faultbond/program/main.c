@@ -151,7 +151,7 @@ static void mind_output(const Out *out)
 }
 
 /* Keep the run, if that is due and the clock of the recording is of the same moment as the core. */
-static void keep_now(Keeper *keeper, const Reader *reader, const Course *course)
+static void keep_now(Keeper *keeper, const Reader *reader, Course *course)
 {
     static GridClock clock;
     if (!keeper->path || course->n || !is_keeping_due(keeper, &course->found)) return;

@@ -8,10 +8,39 @@
 #include "point.h"
 #include "presence.h"
 
-/* What a run has found so far. is_open: nothing was accepted yet for the last alarm. */
+#define MOST_REJECTED 64 /* hypotheses that were ruled out since the last alarm and are known by number */
+
+/* What a run has found so far. is_open: nothing was accepted yet for the last alarm, raised at the sample `opened`. accepted,
+   rejected: how many hypotheses, the latter since the last alarm; last_accepted, ruled_out: which; is_repaired: whether that
+   which was accepted last was the fault and is mended. */
 typedef struct {
-    int64_t detections, watched, waiting, wild, outside, sensors_outside, is_open, accepted, rejected;
+    int64_t detections, watched, waiting, wild, outside, sensors_outside, is_open, opened, accepted, rejected;
+    int64_t last_accepted, is_repaired, ruled_out[MOST_REJECTED];
 } Found;
+
+/* Note that a hypothesis was accepted. */
+static void note_accepted(Found *found, int64_t hypothesis, int is_repaired)
+{
+    found->is_open = found->rejected = 0;
+    found->accepted++;
+    found->last_accepted = hypothesis;
+    found->is_repaired = is_repaired;
+}
+
+/* Note that a hypothesis was ruled out. */
+static void note_rejected(Found *found, int64_t hypothesis)
+{
+    if (found->rejected < MOST_REJECTED) found->ruled_out[found->rejected] = hypothesis;
+    found->rejected++;
+}
+
+/* Whether a hypothesis was ruled out since the last alarm. */
+static int is_ruled_out(const Found *found, int64_t hypothesis)
+{
+    for (int64_t k = 0; k < found->rejected && k < MOST_REJECTED; k++)
+        if (found->ruled_out[k] == hypothesis) return 1;
+    return 0;
+}
 
 static void begin_record(Json *json, const char *kind)
 {
