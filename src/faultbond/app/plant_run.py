@@ -12,7 +12,7 @@ from faultbond.app.kept_run import Keeper, read_before, stamp_of
 from faultbond.app.method_face import Watcher
 from faultbond.app.methods import build_method, prepared_bank
 from faultbond.app.plant import WatchedPlant
-from faultbond.app.rows import begun, no_time, portions, progress
+from faultbond.app.rows import begun, called, no_time, portions, progress
 from faultbond.app.signals import Stopping
 from faultbond.app.wishes import Wanted
 from faultbond.contract.findings import History
@@ -227,7 +227,7 @@ def _run_record(spec: EngineSpec, method: Method, before: Saved | None) -> dict[
 
 def _nothing_new(recording: Recording, before: Saved) -> str:
     return (
-        f"{recording}: no row is later than {before.clock.last_time:.15g} s, where the saved run ended. "
+        f"{called(recording)}: no row is later than {before.clock.last_time:.15g} s, where the saved run ended. "
         "Give a recording that goes on from there, or another state file."
     )
 

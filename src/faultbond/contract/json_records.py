@@ -71,7 +71,7 @@ def diagnosis_record(diagnosis: Diagnosis, *, outside: bool = False) -> Record:
         "unexplained": None if diagnosis.unexplained is None else _unexplained(diagnosis.unexplained),
         "advice": [_advice(item) for item in diagnosis.advice],
         "untested": None if diagnosis.untested is None else _untested(diagnosis.untested),
-        "within_accuracy": diagnosis.within_accuracy,
+        "within_accuracy": diagnosis.within_accuracy if diagnosis.candidates else None,
         "mismatch": diagnosis.mismatch,
         **({"outside": True} if outside else {}),
     }

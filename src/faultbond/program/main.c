@@ -127,6 +127,12 @@ static Wishes read_arguments(int count, char **words)
     wishes.level = NO_LEVEL;
     for (int k = 1; k < count && !wishes.is_over; k++) {
         if (read_decision(&wishes.decision, words[k]) || read_flag(&wishes, words[k])) continue;
+        char *const value = strncmp(words[k], "--", 2) == 0 ? strchr(words[k], '=') : NULL;
+        if (value != NULL) { /* --state=FILE */
+            *value = '\0';
+            wishes.is_over = !read_option(&wishes, words[k], value + 1);
+            continue;
+        }
         wishes.is_over = !read_option(&wishes, words[k], k + 1 < count ? words[k + 1] : NULL);
         k++;
     }
@@ -230,12 +236,12 @@ static int no_rows(const Course *course, int64_t passed, double last_time)
 {
     if (course->goes_on && passed)
         fprintf(stderr,
-                "-: no row is later than %.15g s, where the saved run ended. Give a recording that goes on from there, or "
+                "standard input: no row is later than %.15g s, where the saved run ended. Give a recording that goes on from there, or "
                 "another state file.\n",
                 last_time);
     else
-        fprintf(stderr, "-: no row has a time that can be read, before the year 9999. Check the column and unit of `time`: is it "
-                        "in ms or ns?\n");
+        fprintf(stderr, "standard input: no row has a time that can be read, before the year 9999. Check the column and unit of `time`: seconds, "
+                        "or dates as ISO 8601, are read; ms and ns need `unit`.\n");
     return USER_MISTAKE;
 }
 

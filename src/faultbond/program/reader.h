@@ -16,7 +16,7 @@
 
    Points come in the order of `run -`, and those before an error come before it. What differs from `run`:
    - a record of more than CSV_ROOM bytes (256 KiB) is refused, and one of more than 100 lines before it ends;
-   - times are read as calendar dates; weeks (2026-W07), and letters between the seconds and a zone, are not;
+   - letters between the seconds and a zone are not read;
    - a name that is meant is sought without regard to capitals in ASCII only, and shown as it is, printable or not;
    - a sample of more rows than MEANS_KEPT, four times those that the model file states and 64 at least, is not searched for
      a jump; means of rows are summed in their order, so that last digits may differ;

@@ -285,7 +285,7 @@ static void write_diagnosis(Json *json, const Diagnosis *found, const Advice *ad
     for (int64_t k = 0; k < advice->n_checks; k++) write_check(json, &advice->checks[k], advice->n_rivals, found->candidates);
     json_close(json, ']');
     tell_untested(json, found);
-    tell_real(json, "within_accuracy", found->within_accuracy);
+    tell_real(json, "within_accuracy", found->n_candidates > 0 ? found->within_accuracy : NAN);
     tell_real(json, "mismatch", found->mismatch);
     if (is_outside) tell_truth(json, "outside", 1);
     end_record(json);

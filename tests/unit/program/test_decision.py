@@ -62,7 +62,10 @@ def test_what_cannot_be_decided_is_said(states: tuple[str, str], programs: Progr
     program, state = programs("rc"), states[0]
     before = Path(state).read_bytes()
     for names, words in (
-        (("accept", "nobody"), "nobody: no candidate has just these components."),
+        (
+            ("accept", "nobody"),
+            "nobody: no candidate has just these components. Name those of one candidate of the diagnosis: C, ",
+        ),
         (("reject",), "watch: reject: name the parts of a candidate"),
     ):
         said = watched(program, b"", "--state", state, *names)
@@ -71,7 +74,7 @@ def test_what_cannot_be_decided_is_said(states: tuple[str, str], programs: Progr
         assert said.err.count("\n") == 1
     assert Path(state).read_bytes() == before
     assert watched(program, b"", "--state", state, "accept").code == 0
-    said = watched(program, b"", "--state", state, "accept")
+    said = watched(program, b"", f"--state={state}", "accept")
     assert (said.code, said.err) == (2, "There is no alarm to explain, so nothing to accept or reject.\n")
 
 
