@@ -61,7 +61,7 @@ static void conclude(const State *state, Diagnosis *found, RankingMemory *memory
     rank(state, ranking, found);
     leave_to_mismatch(state, ranking, found);
     find_unexplained(state, ranking->best[leading_hypothesis(ranking)], found);
-    const int bounded = !found->is_unexplained && state->clock.alarm >= 0 && !is_fresh(state);
+    const int bounded = !found->is_unexplained && !is_fresh(state);
     find_untested(&state->bank, ranking, state->clock.index, bounded, &memory->hidden, found);
 }
 

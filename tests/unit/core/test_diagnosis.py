@@ -147,7 +147,6 @@ def test_when_there_is_no_bound(state: Diagnosed) -> None:
 
     for change in (
         lambda: state["job.settled"].fill(475),
-        lambda: state["clock.alarm"].fill(-1),
         disguised,
         lost,
     ):
