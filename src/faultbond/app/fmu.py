@@ -13,7 +13,7 @@ ENDING = ".fmu"
 DESCRIPTION = "modelDescription.xml"  # in every FMU
 
 
-def refuse_strange(output: Path) -> None:
+def refuse_other_file(output: Path) -> None:
     """Refuse a file that is there and is no FMU.
 
     Raises
@@ -59,7 +59,7 @@ def generated_fmu(
     """
     if output.suffix != ENDING:
         raise FaultbondError(f"{output}: an FMU is one file. Name one that ends in {ENDING}.")
-    refuse_strange(output)
+    refuse_other_file(output)
     graph = load_model(model)
     from faultbond.synthesis import fmu  # noqa: PLC0415 - loads casadi
 
