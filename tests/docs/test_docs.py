@@ -34,7 +34,10 @@ RECORDS = {
     ),
     "accepted": "time components parameters probability kind by repaired",
     "rejected": "time components parameters probability kind by",
-    "end": ("time samples watched detections missing late duplicate untimed unused clock_jumps saturated frozen wild"),
+    "end": (
+        "time samples watched detections missing late duplicate untimed unused clock_jumps saturated frozen wild "
+        "dropped silent name role values since until"
+    ),
     "analyse": (
         "model model_sha256 states inputs sensors suspects max_faults rank hypotheses sets_left_out groups "
         "group_reasons sudden_groups sudden_group_reasons near_groups on_data detectable isolable by_causality tests "

@@ -307,6 +307,10 @@ def test_alarms_without_a_bank(tmp_path: Path, capsys: pytest.CaptureFixture[str
     ]
     assert len([record for record in full if record["record"] == "detection"]) == 1
     assert all(record["candidates"] == [] for record in records if record["record"] == "diagnosis")
+    assert all(record["within_accuracy"] is None for record in records if record["record"] == "diagnosis")
+    readme = (tmp_path / "plant" / "README.md").read_text()
+    assert "Tested: nothing: alarms are raised, and no fault is named" in " ".join(readme.split())
+    assert "nominal" not in readme.partition("## Which faults")[2].partition("The laws")[0]
 
 
 def test_records_of_the_self_test(project: Path, capsys: pytest.CaptureFixture[str]) -> None:

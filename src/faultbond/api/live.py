@@ -21,15 +21,18 @@ from faultbond.app.plant import find_plant
 from faultbond.app.plant_run import begin, columns_after
 from faultbond.app.wishes import Wanted
 from faultbond.contract.findings import Decision, Detection, Diagnosis
+from faultbond.contract.silence import Silent
 from faultbond.errors import FaultbondError, ModelError, RecordingError
 from faultbond.io.grid import GridPoint, Row, blocks_of_points
 from faultbond.io.out import Out
 from faultbond.io.recording import row_reader
 from faultbond.io.saved import Saved, read_saved, write_saved
+from faultbond.io.times import finite_number, is_not_finite
 from faultbond.model.document import is_circuit
 from faultbond.model.graph import BondGraph
 from faultbond.types import Method, TimeGrid
 
+NO_VALUE = ("", "-", "na", "n/a", "null", "none", "<na>")  # texts that stand where there is no value
 RowTime = float | str | datetime | np.datetime64
 
 
@@ -55,6 +58,18 @@ class Event:
     def best(self) -> RankedCandidate | None:
         """The best candidate; None without a diagnosis."""
         return self.candidates[0] if self.candidates else None
+
+
+def _refuse_strange(name: str, value: object) -> None:
+    """Refuse what is neither a number, as a text, too, nor a sign that there is none."""
+    if isinstance(value, str):
+        if value.strip().lower() in NO_VALUE or np.isfinite(finite_number(value)) or is_not_finite(value):
+            return
+        raise RecordingError(f"column {name!r} is {value[:40]!r}. Give a number, or None where there is none.")
+    is_truth = isinstance(value, bool | np.bool_)
+    if not is_truth and (value is None or isinstance(value, Real | Decimal) or repr(value) == "<NA>"):
+        return
+    raise RecordingError(f"column {name!r} is a {type(value).__name__}. Give a number.")
 
 
 class Monitor:
@@ -102,6 +117,7 @@ class Monitor:
         self._watcher, self._course, self._grid = begun.run.watcher, begun.run.course, begun.grid
         self._read: Callable[[int, Sequence[object]], Row] | None = None
         self._header: tuple[str, ...] = ()
+        self._known: frozenset[str] = frozenset()  # columns of the first row
         self._rows = 0
 
     @classmethod
@@ -142,12 +158,14 @@ class Monitor:
         time : of the row: a number in the unit of the model's time column, a date and time, or an ISO text; None where
             the model has no time column
         values : by column, in the units of the model file; None or nan where there is none. The first row names all
-            columns, later ones may leave out those without a value. Other columns are ignored.
+            columns, later ones may leave out those without a value. Columns of the
+            first row that the model does not name are ignored.
 
         Raises
         ------
         RecordingError
-            Where the time cannot be read, the first row lacks a column, or a value is no number.
+            Where the time cannot be read, the first row lacks a column, a later one has another, or a value is no
+            number.
         """
         if not isinstance(values, Mapping):
             raise RecordingError(f"{type(values).__name__}: expected values by column, such as {{'flow': 1.2e-4}}.")
@@ -162,6 +180,11 @@ class Monitor:
         self._take(self._grid.finish())
         self._course.finish()
         return self._event()
+
+    def __repr__(self) -> str:
+        samples = self.counts["samples"]
+        since = f", since {self.detection.time:.9g} s" if self.detection is not None else ""
+        return f"<Monitor of {self.model.name!r}: {self.verdict}, {samples} samples{since}>"
 
     def accept(self, *names: str) -> Decision:
         """Take a candidate as the new normal; without names the best.
@@ -255,6 +278,11 @@ class Monitor:
         return self._course.no_verdict()
 
     @property
+    def silent(self) -> tuple[Silent, ...]:
+        """Sensors, then inputs, that have given no value, hardly any, or none for long."""
+        return self._course.silent
+
+    @property
     def counts(self) -> Mapping[str, int | float | None]:
         """The numbers of the record `end`, as of now: samples, missing, late, and so on."""
         record = self._course.end
@@ -264,12 +292,16 @@ class Monitor:
         """Give a row as a recording would have it."""
         if self._read is None:
             self._read, self._header = self._reader(time, values)
+            self._known = frozenset(map(str, values))
+        for name in map(str, values):
+            if name not in self._known and name != self._columns.time.column:
+                known = ", ".join(sorted(self._known))
+                raise RecordingError(f"no column {name!r} was in the first row, which had {known}.")
         clock = self._columns.time.column
         fields = [time if name == clock else values.get(name) for name in self._header]
         for name, value in zip(self._header, fields, strict=True):
-            known = value is None or isinstance(value, Real | Decimal | str | np.bool_) or repr(value) == "<NA>"
-            if name != clock and not known:
-                raise RecordingError(f"column {name!r} is a {type(value).__name__}. Give a number.")
+            if name != clock:
+                _refuse_strange(name, value)
         if isinstance(time, np.datetime64):
             fields[self._header.index(str(clock))] = time.astype("datetime64[us]").item()
         row = self._read(self._rows + 1, fields)

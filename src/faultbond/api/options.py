@@ -6,6 +6,8 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import TypeAlias
 
+import numpy as np
+
 from faultbond.errors import FaultbondError
 from faultbond.io.memory_table import MemoryTable, Recording, table_of
 from faultbond.model.quantities import duration, quantity, spread
@@ -55,7 +57,7 @@ def level_of(accept: float | str | None) -> float | None:
         return None
     if accept == "auto":
         return SURE
-    if not isinstance(accept, Real) or not LOWEST_LEVEL <= accept <= 1.0:
+    if isinstance(accept, bool) or not isinstance(accept, Real) or not LOWEST_LEVEL <= accept <= 1.0:
         raise FaultbondError(
             f"accept={accept!r}: expected auto, or a probability from {LOWEST_LEVEL:g} to 1, such as 0.99"
         )
@@ -170,6 +172,19 @@ def begun_at(start: Mapping[str, QuantityLike] | None) -> dict[str, float]:
         name: quantity(value, f"start {name}: ").value if isinstance(value, str) else float(value)
         for name, value in start.items()
     }
+
+
+def truth_of(value: bool, option: str) -> bool:
+    """Give a truth value; a text such as "no", which Python takes for true, is none.
+
+    Raises
+    ------
+    FaultbondError
+        Where it is no bool.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise FaultbondError(f"{option}={value!r}: expected True or False")
+    return bool(value)
 
 
 def path_of(path: PathLike | None) -> Path | None:

@@ -18,6 +18,7 @@ from faultbond.api.ranked import RankedCandidate, ranked, table_html
 from faultbond.app.plant_run import PlantRun
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Decision, Detection, Diagnosis, History
+from faultbond.contract.silence import Silent, seconds
 from faultbond.errors import FaultbondError
 from faultbond.model.document import is_circuit
 from faultbond.model.graph import BondGraph, Unit
@@ -60,6 +61,11 @@ class Result:
     def no_verdict(self) -> str:
         """Why the run says nothing of the plant; empty where it does."""
         return self.of_run.no_verdict
+
+    @property
+    def silent(self) -> tuple[Silent, ...]:
+        """Sensors, then inputs, that gave no value, hardly any, or none for long; of a network without time none."""
+        return self.of_run.silent if isinstance(self.of_run, PlantRun) else ()
 
     @cached_property
     def history(self) -> History:
@@ -195,7 +201,8 @@ class Result:
 
     def _repr_html_(self) -> str:
         if self.detection is None:
-            told = f"No fault detected. {self.no_verdict}".strip()
+            notes = [self.no_verdict, *(item.sentence(seconds) for item in self.silent)]
+            told = " ".join(["No fault detected.", *(f"{note[0].upper()}{note[1:]}." for note in notes if note)])
         else:
             found = self.detection
             told = f"Fault detected at {found.time:.9g} s in {', '.join(found.signals)}; it began at about "

@@ -22,6 +22,7 @@ from faultbond.api.options import (
     recordings_of,
     seconds_of,
     spelled,
+    truth_of,
     whole_of,
 )
 from faultbond.api.plant_model import Model, ModelLike, as_model, written
@@ -273,7 +274,7 @@ def fit(
         starts=whole_of(starts, "starts", 1, 100),
         seed=whole_of(seed, "seed", 0, None),
         own=names_of(per_recording) if per_recording else (),
-        until_quiet=until_quiet,
+        until_quiet=truth_of(until_quiet, "until_quiet"),
     )
     given = recordings if isinstance(recordings, list | tuple) else [recordings]
     _refuse_outputs(source, given, output=output, report=report)
@@ -299,6 +300,11 @@ class Simulation:
 
     model: Model
     found: Simulated
+
+    def __repr__(self) -> str:
+        time = self.found.simulation.time
+        span = f", {time[0]:.9g} s to {time[-1]:.9g} s" if len(time) else ""
+        return f"<Simulation of {self.model.name!r}: {len(time)} samples{span}, seed {self.seed}>"
 
     @property
     def seed(self) -> int:
@@ -390,9 +396,12 @@ def simulate(
         inputs=recording_of(inputs),
         faults=tuple(map(parse_fault, spelled([faults] if isinstance(faults, str) else faults))),
         seed=None if seed is None else whole_of(seed, "seed", 0, None),
-        noise=noise,
+        noise=truth_of(noise, "noise"),
         imperfections=Imperfections(
-            spread=part_of(spread, "spread"), lag=seconds_of(lag, "lag"), curve=part_of(curve, "curve"), wander=wander
+            spread=part_of(spread, "spread"),
+            lag=seconds_of(lag, "lag"),
+            curve=part_of(curve, "curve"),
+            wander=truth_of(wander, "wander"),
         ),
         start=begun_at(start),
     )
@@ -433,6 +442,7 @@ def generate(
     """
     source, folder = as_model(model).source, Path(output)
     most = None if lanes_at_most is None else whole_of(lanes_at_most, "lanes_at_most", 1, None)
+    watch_only = truth_of(watch_only, "watch_only")
     if fmu is not None and target is not None:
         raise FaultbondError("target: the library in an FMU is for this machine; others compile its sources")
     if target is not None and target not in TARGETS:
@@ -468,7 +478,7 @@ def accept(model: ModelLike, state: PathLike, *names: str, repaired: bool = Fals
     FaultbondError
         Where there is nothing to accept, or no such candidate.
     """
-    return accepted_in(as_model(model).source, Path(state), spelled(names), repaired=repaired)[1]
+    return accepted_in(as_model(model).source, Path(state), spelled(names), repaired=truth_of(repaired, "repaired"))[1]
 
 
 def reject(model: ModelLike, state: PathLike, *names: str) -> Decision:
@@ -525,6 +535,7 @@ def _wishes(
     separate: tuple[tuple[str, ...], ...] = (),
     budget: int = 1,
 ) -> Wishes:
+    fewest, least_noise = truth_of(fewest, "fewest"), truth_of(least_noise, "least_noise")
     if fewest and least_noise:
         raise FaultbondError("fewest and least_noise: give one of them")
     preference = "fewest components" if fewest else "least noise" if least_noise else "fewest frames"

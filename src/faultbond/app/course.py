@@ -8,10 +8,14 @@ from typing import TypeAlias
 
 import numpy as np
 
+from faultbond.app.disorder import disorder_of
 from faultbond.app.method_face import Watcher
+from faultbond.app.presence import Presence
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Decider, Decision, Detection, Diagnosis
 from faultbond.contract.json_records import Record, decision_record, detection_record, diagnosis_record, end_record
 from faultbond.contract.samples import STATUSES, Reports, Samples, Status
+from faultbond.contract.silence import INPUT, SENSOR, Silent
 from faultbond.errors import FaultbondError
 from faultbond.io.grid import Counts, Grid, PointBlock
 from faultbond.io.out import Out
@@ -59,8 +63,8 @@ class Course:
         self._hear = following.hear or (lambda _: None)
         self._began = before
         self.found = before.found if before is not None else FoundSoFar()
-        self._seen = np.zeros(len(watcher.spec.inputs), dtype=bool)
-        self._read = np.zeros(len(watcher.spec.outputs), dtype=bool)
+        self._inputs = Presence([item.name for item in watcher.spec.inputs], INPUT)
+        self._sensors = Presence([item.name for item in watcher.spec.outputs], SENSOR)
         self._told, self._lost = -1, 0
         self._time = before.clock.last_time if before is not None else nan
         if self._trace is not None:
@@ -136,6 +140,8 @@ class Course:
             wild=self.found.wild,
             outside=self.found.outside,
             sensors_outside=self.found.sensors_outside,
+            dropped=self._grid.n_dropped,
+            silent=self.silent,
             **asdict(counts),
         )
 
@@ -195,21 +201,34 @@ class Course:
         return self.found.sensors_outside - (self._began.found.sensors_outside if self._began is not None else 0)
 
     @property
+    def silent(self) -> tuple[Silent, ...]:
+        """Sensors, then inputs, that gave no value in this run, hardly any, or none for long."""
+        most = int(self._sensors.values.max(initial=0))
+        return (*self._sensors.silent(most), *self._inputs.silent(most))
+
+    @property
+    def disorder(self) -> str:
+        """Say that too many rows of this run came too late to be used; empty where they did not."""
+        return disorder_of(self._grid)
+
+    @property
     def verdict(self) -> Verdict:
         """Whether there was a detection in this run, or stood open at its beginning; else whether it could judge."""
         before = self._began.found if self._began is not None else FoundSoFar()
-        if self.found.detections > before.detections or before.open is not None:
+        if before.open is not None or (self.found.detections > before.detections and not self.disorder):
             return Verdict.FAULT
         return Verdict.NONE if self.no_verdict() else Verdict.HEALTHY
 
     def no_verdict(self) -> str:
         """Say why this run says nothing about the plant; empty where it does."""
         spec, began = self._watcher.spec, self._began
+        if self.disorder:
+            return self.disorder
         if self.found.watched > (began.found.watched if began is not None else 0):
             return ""
         samples = self._grid.counts.samples
         if self.found.waiting == samples:
-            absent = next(item.name for item, seen in zip(spec.inputs, self._seen, strict=True) if not seen)
+            absent = next(item.name for item, n in zip(spec.inputs, self._inputs.values, strict=True) if not n)
             return f"no row has a value of the input {absent}"
         holds = samples - self.found.waiting - self.found.outside
         if self.found.outside and holds <= self._watcher.asleep:
@@ -222,15 +241,14 @@ class Course:
             return f"the recording ended after {many}, and the alarms are off for the first {off}"
         if self._lost:
             return "the filter lost the plant again and again; check units, noise and accuracies in the model file"
-        silent = [item.name for item, read in zip(spec.outputs, self._read, strict=True) if not read]
-        if silent and self._read.any():
+        silent = [item.name for item, n in zip(spec.outputs, self._sensors.values, strict=True) if not n]
+        if silent and self._sensors.values.any():
             return f"no row has a value of the sensor {silent[0]}, and the start still waited for one"
         return "no row has a value of a sensor that is in use once the alarms are on"
 
     def _count(self, samples: Samples, reports: Reports) -> None:
         read, status = np.isfinite(samples.y), reports.status
-        self._seen |= np.isfinite(samples.u).any(axis=0)
-        self._read |= read.any(axis=0)
+        self._note_presence(np.isfinite(samples.u), read, samples.time)
         self._lost += int(np.sum(status == _LOST))
         judged, outside = read & self._watcher.in_use & ~reports.left_out, status == _OUTSIDE
         self.found = self.found.with_counts(
@@ -240,6 +258,14 @@ class Course:
             outside=int(np.sum(outside)),
             sensors_outside=int(np.sum(reports.left_out[~outside] & read[~outside])),
         )
+
+    def _note_presence(self, moved: BoolArray, read: BoolArray, time: FloatArray) -> None:
+        """Note which inputs and sensors have values in samples that have any."""
+        if not (read.all() or moved.all()):  # else each sample has one
+            chosen = moved.any(axis=1) | read.any(axis=1)
+            moved, read, time = moved[chosen], read[chosen], time[chosen]
+        self._inputs.add(moved, time)
+        self._sensors.add(read, time)
 
     def _detected(self, detection: Detection) -> None:
         self.found = self.found.with_detection(detection)

@@ -1,6 +1,7 @@
 """`generate --fmu`: an FMU of one model, for simulators and test benches."""
 
 from pathlib import Path
+from zipfile import BadZipFile, ZipFile
 
 from faultbond.app.generation import Generated
 from faultbond.errors import FaultbondError
@@ -9,6 +10,29 @@ from faultbond.model.document import ModelFile
 from faultbond.model.text import load_model
 
 ENDING = ".fmu"
+DESCRIPTION = "modelDescription.xml"  # in every FMU
+
+
+def refuse_other_file(output: Path) -> None:
+    """Refuse a file that is there and is no FMU.
+
+    Raises
+    ------
+    FaultbondError
+        Where it is a folder, or holds something else.
+    """
+    if output.is_dir():
+        raise FaultbondError(f"{output}: this is a folder. An FMU is one file; name another one.")
+    if output.is_file() and output.stat().st_size and not _is_fmu(output):
+        raise FaultbondError(f"{output}: this file is no FMU, and it stays as it is. Name another file, or delete it.")
+
+
+def _is_fmu(path: Path) -> bool:
+    try:
+        with ZipFile(path) as archive:
+            return DESCRIPTION in archive.namelist()
+    except (OSError, BadZipFile, ValueError):
+        return False
 
 
 def generated_fmu(
@@ -27,7 +51,7 @@ def generated_fmu(
     Raises
     ------
     FaultbondError
-        Where the file is not called as one.
+        Where the file is not called as one, or holds something else.
     ModelError
         Where samples of the model do not come at fixed times, or one of its names is that of another variable.
     GenerationError
@@ -35,6 +59,7 @@ def generated_fmu(
     """
     if output.suffix != ENDING:
         raise FaultbondError(f"{output}: an FMU is one file. Name one that ends in {ENDING}.")
+    refuse_other_file(output)
     graph = load_model(model)
     from faultbond.synthesis import fmu  # noqa: PLC0415 - loads casadi
 

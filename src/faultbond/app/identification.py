@@ -7,13 +7,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from faultbond.app.disorder import refuse_disorder
 from faultbond.app.engine import build_watcher
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.app.model_check import write
+from faultbond.app.presence import silent_of
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.section import Section
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
+from faultbond.contract.silence import INPUT, SENSOR, seconds
 from faultbond.errors import ModelError, RecordingError
 from faultbond.io.files import replaced_text
 from faultbond.io.grid import Grid, on_grid
@@ -81,7 +86,7 @@ def fit(
 ) -> None:
     """Fit a model to healthy recordings and write the model file that follows from them."""
     with _waiting(long=wishes.until_quiet) as status:
-        found = identified(model, recordings, wishes=wishes, tell=status)
+        found = identified(model, recordings, wishes=wishes, tell=status, warn=out.warn)
     refused: OSError | None = None
     try:
         if output is not None:
@@ -107,6 +112,7 @@ def identified(
     *,
     wishes: FitWishes,
     tell: Callable[[str], None] = _silent,
+    warn: Callable[[str], None] = _silent,
 ) -> Identified:
     """Fit a model to healthy recordings.
 
@@ -116,11 +122,12 @@ def identified(
     recordings : healthy recordings
     wishes : what is to be fitted, and how
     tell : is told what is being done
+    warn : is told which sensors and inputs gave hardly a value
     """
     document = read_document(model)
     graph = load_model(document)
     _refuse(graph, recordings)
-    read = tuple((str(name), read_points(graph, name)) for name in recordings)
+    read = tuple((str(name), read_points(graph, name, warn)) for name in recordings)
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
 
     with threadpool_limits(1):  # matrices are small here, and threads would only wait
@@ -174,7 +181,7 @@ def _write(path: Path, text: str) -> None:
 def check_data(model: ModelFile, recordings: tuple[Recording, ...], *, promise: float | None, out: Out) -> None:
     """Put a model on trial on healthy recordings, and tell what it gets wrong; see `tried`."""
     with _waiting() as status:
-        found = tried(model, recordings, promise=promise, tell=status)
+        found = tried(model, recordings, promise=promise, tell=status, warn=out.warn)
     write(found, out)
 
 
@@ -184,6 +191,7 @@ def tried(
     *,
     promise: float | None = None,
     tell: Callable[[str], None] = _silent,
+    warn: Callable[[str], None] = _silent,
 ) -> Section:
     """Put a model on trial on healthy recordings: what it gets wrong, and what it must declare.
 
@@ -193,10 +201,11 @@ def tried(
     recordings : healthy recordings
     promise : seconds between false alarms that are wanted at least; None: as the model file says, else 30 days
     tell : is told what is being done
+    warn : is told which sensors and inputs gave hardly a value
     """
     graph = load_model(model)
     _refuse(graph, recordings)
-    read = tuple((str(name), read_points(graph, name)) for name in recordings)
+    read = tuple((str(name), read_points(graph, name, warn)) for name in recordings)
     from faultbond.fit.pace import slower_step  # noqa: PLC0415 - loads casadi
     from faultbond.fit.samples import healthy_recording  # noqa: PLC0415 - loads casadi
     from faultbond.fit.trial import MONTH, on_trial  # noqa: PLC0415 - loads scipy
@@ -212,8 +221,8 @@ def tried(
     return Section(record=record, show=lambda console: print_health(console, graph, found, slower))
 
 
-def read_points(graph: BondGraph, recording: Recording) -> list[Sample]:
-    """Give the grid points of a recording.
+def read_points(graph: BondGraph, recording: Recording, warn: Callable[[str], None] = _silent) -> list[Sample]:
+    """Give the grid points of a recording; `warn` is told which sensors and inputs gave hardly a value.
 
     Raises
     ------
@@ -224,7 +233,20 @@ def read_points(graph: BondGraph, recording: Recording) -> list[Sample]:
     points = [sample_of(point) for point in on_grid(read_rows(recording, columns_of(graph)), grid)]
     if not points:
         raise RecordingError(no_time(recording))
+    refuse_disorder(grid, recording)
+    _warn_of_silence(graph, recording, points, warn)
     return points
+
+
+def _warn_of_silence(graph: BondGraph, recording: Recording, points: list[Sample], warn: Callable[[str], None]) -> None:
+    """Say which columns gave hardly a value; one that gave none is refused later."""
+    columns = {(SENSOR, item.name): item.column for item in graph.sensors}
+    columns |= {(INPUT, item.name): item.column for item in graph.inputs}
+    u, y = (np.array(values).reshape(len(points), -1) for values in ([p.u for p in points], [p.y for p in points]))
+    time = np.array([point.time for point in points])
+    for item in silent_of([i.name for i in graph.inputs], [s.name for s in graph.sensors], u, y, time):
+        if item.values:
+            warn(f"{recording}: column {columns[item.role, item.name]!r}: {item.fact(seconds)}.")
 
 
 def _refuse(graph: BondGraph, recordings: tuple[Recording, ...]) -> None:

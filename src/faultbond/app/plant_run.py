@@ -12,11 +12,12 @@ from faultbond.app.kept_run import Keeper, read_before, stamp_of
 from faultbond.app.method_face import Watcher
 from faultbond.app.methods import build_method, prepared_bank
 from faultbond.app.plant import WatchedPlant
-from faultbond.app.rows import begun, no_time, portions, progress
+from faultbond.app.rows import begun, called, no_time, portions, progress
 from faultbond.app.signals import Stopping
 from faultbond.app.wishes import Wanted
 from faultbond.contract.findings import History
 from faultbond.contract.json_records import run_record
+from faultbond.contract.silence import Silent, seconds
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import GenerationError, RecordingError
 from faultbond.io.files import STANDARD_INPUT, replaced_text
@@ -48,10 +49,18 @@ class PlantRun:
         """Why it says nothing; empty where it does."""
         return self.course.no_verdict()
 
+    @property
+    def silent(self) -> tuple[Silent, ...]:
+        """Sensors, then inputs, that gave no value, hardly any, or none for long; none where nothing was judged."""
+        return () if self.no_verdict else self.course.silent
+
     def tell(self, report: Path | None, out: Out) -> None:
-        """Say what was found, and on standard error that nothing can be said, where the text does not."""
-        if self.no_verdict and not (out.text is not None and out.text.isatty()):
-            sys.stderr.write(f"faultbond: no verdict: {self.no_verdict}.\n")
+        """Say what was found, and on standard error what was not watched, where the text is not seen."""
+        if not (out.text is not None and out.text.isatty()):
+            for item in self.silent:
+                sys.stderr.write(f"faultbond: {item.sentence(seconds)}.\n")
+            if self.no_verdict:
+                sys.stderr.write(f"faultbond: no verdict: {self.no_verdict}.\n")
         if self.trace is None:
             return
         if out.text is not None:
@@ -101,7 +110,13 @@ class PlantRun:
 
         course = self.course
         more = {"wild": course.wild, "outside": course.outside, "sensors_outside": course.sensors_outside}
-        return RunCounts(**asdict(course.counts), **more, no_verdict=self.no_verdict)
+        return RunCounts(
+            **asdict(course.counts),
+            **more,
+            no_verdict=self.no_verdict,
+            disorder=course.disorder if self.verdict is Verdict.NONE else "",
+            silent=self.silent,
+        )
 
 
 def watch_plant(
@@ -212,7 +227,7 @@ def _run_record(spec: EngineSpec, method: Method, before: Saved | None) -> dict[
 
 def _nothing_new(recording: Recording, before: Saved) -> str:
     return (
-        f"{recording}: no row is later than {before.clock.last_time:.15g} s, where the saved run ended. "
+        f"{called(recording)}: no row is later than {before.clock.last_time:.15g} s, where the saved run ended. "
         "Give a recording that goes on from there, or another state file."
     )
 

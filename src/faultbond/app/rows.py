@@ -22,11 +22,16 @@ PORTION = 256  # rows, to begin with
 Follow = Callable[[Iterable[RowBlock]], Iterable[RowBlock]]
 
 
+def called(recording: Recording) -> str:
+    """Give what messages call a recording."""
+    return "standard input" if str(recording) == STANDARD_INPUT else str(recording)
+
+
 def no_time(recording: Recording) -> str:
     """Say that a recording has no time."""
     return (
-        f"{recording}: no row has a time that can be read, before the year 9999. "
-        "Check the column and unit of `time`: is it in ms or ns?"
+        f"{called(recording)}: no row has a time that can be read, before the year 9999. "
+        "Check the column and unit of `time`: seconds, or dates as ISO 8601, are read; ms and ns need `unit`."
     )
 
 

@@ -20,6 +20,7 @@ from faultbond.analysis.smallest import smallest_faults
 from faultbond.analysis.twins import SECONDS as TWIN_SECONDS
 from faultbond.analysis.twins import compare
 from faultbond.app.answers import answers
+from faultbond.app.disorder import refuse_disorder
 from faultbond.app.engine import build_watcher
 from faultbond.app.parameter_names import check_names
 from faultbond.app.rows import no_time, sample_of
@@ -129,13 +130,12 @@ def _points(graph: BondGraph, recording: Recording) -> tuple[GridPoint, ...]:
 
     Where the model does not always hold, those of the longest time in which it does.
     """
-    rows = on_grid(
-        read_rows(recording, columns_of(graph)),
-        Grid(graph.sample_time, steady=True, row_time=graph.row_time, held=graph.held_inputs),
-    )
+    grid = Grid(graph.sample_time, steady=True, row_time=graph.row_time, held=graph.held_inputs)
+    rows = on_grid(read_rows(recording, columns_of(graph)), grid)
     points = tuple(point for point in rows if np.isfinite(point.u).any() or np.isfinite(point.y).any())
     if not points:
         raise RecordingError(no_time(recording))
+    refuse_disorder(grid, recording)
     if graph.valid_when is not None:
         parts = judged_parts(str(recording), tuple(map(sample_of, points)), build_watcher(graph))
         longest = max((part for _, part in parts), key=len)

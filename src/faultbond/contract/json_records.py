@@ -14,6 +14,7 @@ from faultbond.contract.findings import (
     Unexplained,
     Untested,
 )
+from faultbond.contract.silence import Silent
 from faultbond.types import Method
 
 Record = dict[str, object]
@@ -70,7 +71,7 @@ def diagnosis_record(diagnosis: Diagnosis, *, outside: bool = False) -> Record:
         "unexplained": None if diagnosis.unexplained is None else _unexplained(diagnosis.unexplained),
         "advice": [_advice(item) for item in diagnosis.advice],
         "untested": None if diagnosis.untested is None else _untested(diagnosis.untested),
-        "within_accuracy": diagnosis.within_accuracy,
+        "within_accuracy": diagnosis.within_accuracy if diagnosis.candidates else None,
         "mismatch": diagnosis.mismatch,
         **({"outside": True} if outside else {}),
     }
@@ -121,6 +122,8 @@ def end_record(
     wild: int = 0,
     outside: int = 0,
     sensors_outside: int = 0,
+    dropped: int = 0,
+    silent: Sequence[Silent] = (),
 ) -> Record:
     """Give the last record.
 
@@ -138,6 +141,8 @@ def end_record(
     wild : values far beyond all that was seen, which the plant does not follow
     outside : grid points at which the model does not hold, by `valid_when`
     sensors_outside : readings at others that are not judged, since their sensor does not hold
+    dropped : rows of this run that came too late to be used
+    silent : sensors and inputs that gave no value in this run, hardly any, or none for long
     """
     return {
         "record": "end",
@@ -156,6 +161,11 @@ def end_record(
         "wild": wild,
         "outside": outside,
         "sensors_outside": sensors_outside,
+        "dropped": dropped,
+        "silent": [
+            {"name": item.name, "role": item.role, "values": item.values, "since": item.since, "until": item.until}
+            for item in silent
+        ],
     }
 
 

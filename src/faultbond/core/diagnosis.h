@@ -46,8 +46,8 @@ static void find_unexplained(const State *state, int64_t lane, Diagnosis *found)
     found->until = state->clock.time;
 }
 
-/* Give the diagnosis of now, after a detection; without candidates where nothing is a suspect, or not
-   all lanes have begun. */
+/* Give the diagnosis of now, after a detection; without candidates where there was none, where nothing is a suspect, or where
+   not all lanes have begun. */
 static void conclude(const State *state, Diagnosis *found, RankingMemory *memory)
 {
     Ranking *ranking = &memory->ranking;
@@ -55,13 +55,13 @@ static void conclude(const State *state, Diagnosis *found, RankingMemory *memory
     found->time = state->clock.time;
     found->signal = -1;
     found->unexplained_sd = found->since = found->until = found->untested_probability = NAN;
-    if (N_HYPOTHESES == 0 || state->job.kind == BEGINNING) return;
+    if (N_HYPOTHESES == 0 || state->clock.alarm < 0 || state->job.kind == BEGINNING) return;
     score_all(state, OUT_REJECTED, ranking);
     leave_out_small(state, ranking);
     rank(state, ranking, found);
     leave_to_mismatch(state, ranking, found);
     find_unexplained(state, ranking->best[leading_hypothesis(ranking)], found);
-    const int bounded = !found->is_unexplained && state->clock.alarm >= 0 && !is_fresh(state);
+    const int bounded = !found->is_unexplained && !is_fresh(state);
     find_untested(&state->bank, ranking, state->clock.index, bounded, &memory->hidden, found);
 }
 

@@ -38,7 +38,7 @@ int64_t fb_block(void *state, void *work, int64_t n, const double *times, const 
 /* Take one sample: its time, the step before it, inputs, readings. 1 where an alarm is raised or a diagnosis is due. */
 int64_t fb_step(void *state, void *work, const double *sample, void *report, void *found);
 
-/* Give the diagnosis of now, after an alarm. Beginning all filters is spread over samples, until one brings the first diagnosis;
+/* Give the diagnosis of now, after an alarm; as long as there is none, it has no candidates. Beginning all filters is spread over samples, until one brings the first diagnosis;
    where that is not awaited, this call, or a decision, does the rest of it. */
 void fb_diagnosis(void *state, void *work, void *found);
 

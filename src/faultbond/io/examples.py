@@ -22,4 +22,13 @@ def example(name: str) -> Path:
     for folder in (PACKAGE.parents[1] / "examples" / name, PACKAGE / "_examples" / name):
         if (folder / "model.yaml").is_file():
             return folder
-    raise FaultbondError(f"The example {name!r} is not part of this installation. Install faultbond again.")
+    known = examples()
+    if not known:
+        raise FaultbondError("there are no examples in this installation. Install faultbond again.")
+    raise FaultbondError(f"there is no example {name!r}. There are {', '.join(known)}.")
+
+
+def examples() -> tuple[str, ...]:
+    """Give the names of the built-in examples."""
+    folders = (PACKAGE.parents[1] / "examples", PACKAGE / "_examples")
+    return tuple(sorted({path.parent.name for folder in folders for path in folder.glob("*/model.yaml")}))

@@ -204,6 +204,8 @@ class Grid:
         self._passed = -math.inf  # rows up to this time were passed by an earlier grid
         self._firsts: tuple[str, ...] = clock.firsts if clock else ()
         self._began = False  # whether a row with a time has come
+        self.n_rows = 0  # with a time that were taken, those of grids before not among them
+        self.n_dropped = 0  # of these, that came too late to be used
         self._best: tuple[int, float, Row] | None = None  # newest grid point: index, distance and nearest row so far
         self._means: RowMeans | None = None
         if row_time is not None and sample_time is not None:
@@ -272,6 +274,7 @@ class Grid:
             self._tally["duplicate"] += 1
             return ()
         self._passed = -math.inf
+        self.n_rows += 1
         if not self._too_old(row):
             self._give_up_behind()
             return self._take(row)
@@ -346,6 +349,7 @@ class Grid:
     def _take_regular(self, rows: RowBlock) -> PointBlock | None:
         """Take rows that follow all that came before, as `_take` and `_release` do one by one."""
         step, keep = self._step or 0.0, 0 if self._live else LOOK_BACK
+        self.n_rows += len(rows)
         waiting = sorted(self._waiting)
         if waiting:
             rows = joined(block_of_rows([item[3] for item in waiting]), rows)
@@ -440,6 +444,7 @@ class Grid:
         known = {*self._times, *(row.time for *_, row in self._waiting)}
         for row in self._behind:
             self._tally["duplicate" if row.time in known else "late"] += 1
+            self.n_dropped += row.time not in known
         self._behind.clear()
 
     def _begin_anew(self) -> None:
@@ -463,6 +468,8 @@ class Grid:
             self._tally["late"] += late
             if not self._times or row.time > self._times[-1]:
                 points.append(self._place(row))
+            else:
+                self.n_dropped += 1
         return chain.from_iterable(points) if points else ()
 
     def _awaits(self, time: float) -> bool:

@@ -15,6 +15,8 @@ from faultbond.io.arrow import ArrowTable
 from faultbond.io.times import WITH_COMMA, finite_number, moment_of
 from faultbond.model.graph import Unit
 
+LOGIC = "logic"  # the unit of what is true or false
+
 
 class MemoryTable:
     """Columns of equal length, each copied when it is asked for.
@@ -65,13 +67,14 @@ class MemoryTable:
             Where it holds no numbers, or such with decimal commas.
         """
         values = self.column(name)
-        if values.dtype.kind in "biuf":
+        if values.dtype.kind in "iuf" or (values.dtype.kind == "b" and unit.text == LOGIC):
             found = values.astype(np.float64)
         elif values.dtype.kind in "OUS":
             found = np.array([finite_number(value) for value in values], dtype=np.float64)
             self._refuse(name, role, values, found)
         else:
-            what = {"M": "times", "m": "durations", "c": "complex numbers"}.get(values.dtype.kind, str(values.dtype))
+            kinds = {"M": "times", "m": "durations", "c": "complex numbers", "b": "truth values"}
+            what = kinds.get(values.dtype.kind, str(values.dtype))
             raise RecordingError(f"{self}: column {name!r} ({role}) holds {what}. Numbers are expected.")
         found[~np.isfinite(found)] = math.nan
         return np.asarray(unit.factor * found + unit.offset)

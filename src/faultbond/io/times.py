@@ -19,6 +19,14 @@ def finite_number(value: object) -> float:
     return found if math.isfinite(found) and not (isinstance(value, str) and "_" in value) else math.nan
 
 
+def is_not_finite(text: str) -> bool:
+    """Whether a text is written as a number that is none, such as `nan` or `inf`."""
+    try:
+        return not math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
 def unix_seconds(moment: datetime) -> float:
     """Give Unix seconds of a moment, UTC where no zone is given."""
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()

@@ -7,6 +7,7 @@
 
 #define BLOCK 64         /* points that are passed at once */
 #define NO_LEVEL (-1.0)  /* a person accepts */
+#define FEW_DROPPED 20   /* of so many rows one may come too late to be used */
 #define REASON_ROOM 1024 /* bytes of why there is no verdict; a longer name is cut */
 
 enum { VERDICT_HEALTHY, VERDICT_FAULT, VERDICT_NONE };
@@ -19,7 +20,8 @@ typedef struct Course {
     int goes_on;  /* whether this run goes on from another one, */
     Found found, before; /* what that had found, and what has been found since */
     double time;  /* of the last point, s; nan: there was none */
-    int seen[FB_ROOM(N_INPUTS)], read[FB_ROOM(N_OUTPUTS)]; /* which inputs and sensors have had a value in this run */
+    Presence presence;        /* of inputs and sensors in this run */
+    int64_t n_rows, n_dropped; /* rows of this run, and those that came too late to be used; set before the run ends */
     int64_t told; /* point of the last diagnosis; -1: none in this run */
     int64_t lost; /* points at which the filter lost the plant in this run */
     int is_refused; /* whether the core refused what its own rule accepts: a defect */
@@ -40,6 +42,7 @@ static void course_begin(Course *course, Plant *plant, Json *json, double level)
     course->level = level;
     course->time = NAN;
     course->told = -1;
+    presence_begin(&course->presence);
 }
 
 /* Go on from a run that ended at some time, with what it had found. */
@@ -61,10 +64,9 @@ static void count_points(Course *course, int first, int n)
         const double *u = course->inputs + (first + k) * N_INPUTS, *y = course->readings + (first + k) * N_OUTPUTS;
         const int is_outside = report->status == OUTSIDE;
         int is_judged = 0, left_out = 0;
-        for (int i = 0; i < N_INPUTS; i++) course->seen[i] |= isfinite(u[i]) != 0;
+        presence_add(&course->presence, course->times[first + k], u, y);
         for (int j = 0; j < N_OUTPUTS; j++) {
             const int is_read = isfinite(y[j]) != 0;
-            course->read[j] |= is_read;
             is_judged |= is_read && in_use[j] && !report->left_out[j];
             left_out += is_read && report->left_out[j];
         }
@@ -82,6 +84,7 @@ static void tell_detection(Course *course)
     const Alarm alarm = plant_alarm(course->plant);
     course->found.detections++;
     course->found.is_open = 1;
+    course->found.opened = alarm.sample;
     course->found.rejected = 0;
     write_detection(course->json, &alarm);
 }
@@ -100,10 +103,35 @@ static void tell_diagnosis(Course *course, int64_t point, int is_outside)
         course->is_refused = 1;
         return;
     }
-    course->found.is_open = 0;
-    course->found.rejected = 0;
-    course->found.accepted++;
+    note_accepted(&course->found, hypothesis, 0);
     write_decision(course->json, "accepted", course->diagnosis.time, &course->candidate, "rule", 0);
+}
+
+/* Decide as a person did, in the file of this run, of the alarm that is open; `other`: what was found there. A candidate that
+   is not among the listed ones any more is passed over. */
+static void course_heed(Course *course, const Found *other)
+{
+    Found *found = &course->found;
+    const PlantMemory *memory = &course->plant->memory;
+    Candidate *candidate = &course->candidate;
+    if (!found->is_open || other->detections != found->detections) return; /* what was decided of is past */
+    if (other->is_open && other->opened != found->opened) return;          /* of another run */
+    if (other->accepted > found->accepted) {
+        const int64_t chosen = other->last_accepted;
+        const int is_repaired = other->is_repaired != 0;
+        if (is_repaired ? fb_repair(memory->state, memory->work, chosen, candidate)
+                        : fb_accept(memory->state, memory->work, chosen, candidate))
+            return;
+        note_accepted(found, chosen, is_repaired);
+        write_decision(course->json, "accepted", course->time, candidate, "person", is_repaired);
+        return;
+    }
+    for (int64_t k = 0; k < other->rejected && k < MOST_REJECTED; k++) {
+        const int64_t gone = other->ruled_out[k];
+        if (is_ruled_out(found, gone) || fb_reject(memory->state, memory->work, gone, candidate)) continue;
+        note_rejected(found, gone);
+        write_decision(course->json, "rejected", course->time, candidate, "person", 0);
+    }
 }
 
 /* Pass the points that wait, and write what the core says to them. */
@@ -147,39 +175,50 @@ static void course_finish(Course *course, const Counts *counts)
         fb_advice(memory->state, memory->work, &course->diagnosis, &course->advice);
         write_diagnosis(course->json, &course->diagnosis, &course->advice, 0);
     }
-    write_end(course->json, counts->samples ? course->time : NAN, counts, &course->found);
+    write_end(course->json, counts->samples ? course->time : NAN, counts, &course->found, course->n_dropped, &course->presence);
 }
 
 /* Why a recording without any point says nothing. */
-#define NO_TIMES "-: no row has a time that can be read, before the year 9999. Check the column and unit of `time`: is it in ms or ns?"
+#define NO_TIMES                                                                                                                \
+    "standard input: no row has a time that can be read, before the year 9999. Check the column and unit of `time`: seconds, " \
+    "or dates as ISO 8601, are read; ms and ns need `unit`."
 
 /* How the word for so many of something ends. */
 static const char *plural(int64_t many) { return many == 1 ? "" : "s"; }
 
-/* The first name whose flag is 0. */
-static const char *first_absent(const char *const *names, const int *flags, int n)
+/* The first name of n that gave no value. */
+static const char *first_absent(const char *const *names, const int64_t *values, int n)
 {
     for (int k = 0; k < n; k++)
-        if (!flags[k]) return names[k];
+        if (!values[k]) return names[k];
     return "";
 }
 
-static int any_flag(const int *flags, int n)
+static int any_value(const int64_t *values, int n)
 {
     int any = 0;
-    for (int k = 0; k < n; k++) any |= flags[k];
+    for (int k = 0; k < n; k++) any |= values[k] != 0;
     return any;
 }
+
+/* Whether too many rows came too late to be used. */
+static int is_disordered(const Course *course) { return course->n_dropped * FEW_DROPPED > course->n_rows; }
 
 /* Say why this run says nothing about the plant; 0 where it does. samples: passed so far. */
 static int no_verdict(const Course *course, int64_t samples, char reason[REASON_ROOM])
 {
     const Found *found = &course->found;
     const int64_t holds = samples - found->waiting - found->outside;
-    const char *silent = first_absent(OUTPUT_NAMES, course->read, N_OUTPUTS);
+    const int64_t *values = course->presence.values;
+    const char *silent = first_absent(OUTPUT_NAMES, values, N_OUTPUTS);
+    if (is_disordered(course)) {
+        snprintf(reason, REASON_ROOM, "%lld of %lld rows came too late to be used; sort the rows by time", (long long)course->n_dropped,
+                 (long long)course->n_rows);
+        return 1;
+    }
     if (found->watched > course->before.watched) return 0;
     if (found->waiting == samples)
-        snprintf(reason, REASON_ROOM, "no row has a value of the input %s", first_absent(INPUT_NAMES, course->seen, N_INPUTS));
+        snprintf(reason, REASON_ROOM, "no row has a value of the input %s", first_absent(INPUT_NAMES, values + N_OUTPUTS, N_INPUTS));
     else if (found->outside && holds <= WARM_UP_SAMPLES)
         snprintf(reason, REASON_ROOM,
                  "the model holds, by `valid_when`, in %lld of %lld sample%s, and the alarms are off for the first %d",
@@ -190,7 +229,7 @@ static int no_verdict(const Course *course, int64_t samples, char reason[REASON_
     else if (course->lost)
         snprintf(reason, REASON_ROOM,
                  "the filter lost the plant again and again; check units, noise and accuracies in the model file");
-    else if (*silent && any_flag(course->read, N_OUTPUTS))
+    else if (*silent && any_value(values, N_OUTPUTS))
         snprintf(reason, REASON_ROOM, "no row has a value of the sensor %s, and the start still waited for one", silent);
     else
         snprintf(reason, REASON_ROOM, "no row has a value of a sensor that is in use once the alarms are on");
@@ -201,7 +240,8 @@ static int no_verdict(const Course *course, int64_t samples, char reason[REASON_
 static int verdict_of(const Course *course, int64_t samples)
 {
     char reason[REASON_ROOM];
-    if (course->found.detections > course->before.detections || course->before.is_open) return VERDICT_FAULT;
+    const int is_found = course->found.detections > course->before.detections && !is_disordered(course);
+    if (is_found || course->before.is_open) return VERDICT_FAULT;
     return no_verdict(course, samples, reason) ? VERDICT_NONE : VERDICT_HEALTHY;
 }
 

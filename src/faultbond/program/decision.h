@@ -1,11 +1,13 @@
 /* What a person makes of the candidates of a kept run: one becomes the new healthy model, or is mended, or is ruled out. The
-   file is read, the core decides, and the file is written; a run goes on from it. Not while a run keeps itself in that file. */
+   file is read, the core decides, and the file is written; a run goes on from it. One that keeps itself in that file heeds it at
+   its next rows. */
 #ifndef WATCH_DECISION_H
 #define WATCH_DECISION_H
 
 #include "keep.h"
 
 #define MOST_NAMES 32 /* that a person gives */
+#define LISTED 12     /* candidates in a message */
 
 enum { DECIDE_NOTHING, DECIDE_ACCEPT, DECIDE_REPAIRED, DECIDE_REJECT };
 
@@ -42,6 +44,17 @@ static int are_names(const Decision *decision, const Candidate *candidate, Namin
     return all;
 }
 
+/* List the first candidates by the names by which they are decided of. */
+static void list_candidates(const Diagnosis *found)
+{
+    for (int64_t k = 0; k < found->n_candidates && k < LISTED; k++) {
+        const Candidate *candidate = &found->candidates[k];
+        for (int64_t i = 0; i < candidate->n_suspects; i++)
+            fprintf(stderr, "%s%s", i ? " " : k ? ", " : "", called_of(&candidate->suspects[i]));
+    }
+    fprintf(stderr, found->n_candidates > LISTED ? " and others.\n" : ".\n");
+}
+
 /* Find the candidate that is meant; its hypothesis, or -1 after a line on standard error that says why there is none. */
 static int64_t chosen_of(const Decision *decision, const Diagnosis *found)
 {
@@ -57,8 +70,12 @@ static int64_t chosen_of(const Decision *decision, const Diagnosis *found)
     }
     if (many == 1) return chosen;
     for (int k = 0; k < decision->n_names; k++) fprintf(stderr, "%s%s", k ? ", " : "", decision->names[k]);
-    if (many > 1) fprintf(stderr, ": several candidates have these components. Name their parameters instead.\n");
-    else fprintf(stderr, ": no candidate has just these components. Name those of one candidate of the diagnosis.\n");
+    if (many > 1) {
+        fprintf(stderr, ": several candidates have these components. Name their parameters instead.\n");
+        return -1;
+    }
+    fprintf(stderr, ": no candidate has just these components. Name those of one candidate of the diagnosis: ");
+    list_candidates(found);
     return -1;
 }
 
@@ -99,9 +116,8 @@ static int decide(Keeper *keeper, const Decision *decision, Course *course, cons
     if (hypothesis < 0) return 2;
     const int64_t refused = call_core(decision->what, memory, hypothesis, &course->candidate);
     if (refused) return refused_decision(refused);
-    course->found.is_open = is_rejected;
-    course->found.accepted += !is_rejected;
-    course->found.rejected = is_rejected ? course->found.rejected + 1 : 0;
+    if (is_rejected) note_rejected(&course->found, hypothesis);
+    else note_accepted(&course->found, hypothesis, decision->what == DECIDE_REPAIRED);
     clock = keeper->clock;
     keep_run(keeper, &clock, course, 1);
     if (keeper->is_failing) return 2;

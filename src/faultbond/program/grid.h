@@ -34,7 +34,8 @@ typedef struct {
 /* waiting: in the order of time. newest: time of the newest row. behind: the last rows, if they are too old and go on from each
    other. placed: the last rows placed, a ring in which the next one goes to `next_place`. has_origin, origin_index,
    origin_time: the point at which the grid began. usual: interval of rows before it began anew. passed: rows up to this time
-   were passed by an earlier grid. served: rows whose points are to be given, of which `n_given` are. */
+   were passed by an earlier grid. n_rows, n_dropped: rows with a time that were taken since the grid began, and those of them
+   that came too late to be used. served: rows whose points are to be given, of which `n_given` are. */
 typedef struct {
     Counts counts;
     Frozen frozen;
@@ -44,6 +45,7 @@ typedef struct {
     ServedRow served[GRID_SERVED];
     int n_waiting, n_behind, n_placed, next_place, n_served, n_given;
     int has_origin, has_begun;
+    int64_t n_rows, n_dropped;
     int64_t origin_index, last_index, n_firsts;
     double newest, origin_time, usual, last_time, passed;
     uint64_t firsts[KEPT_FIRSTS];
@@ -197,6 +199,7 @@ static inline void give_up_behind(Grid *grid)
         for (int k = 0; k < grid->n_waiting; k++) is_known = is_known || grid->waiting[k].row.time == grid->behind[m].time;
         grid->counts.duplicate += is_known;
         grid->counts.late += !is_known;
+        grid->n_dropped += !is_known;
     }
     grid->n_behind = 0;
 }
@@ -299,7 +302,9 @@ static inline int let_go(Grid *grid, const TableRow *row, int is_late, char *mes
         return 0;
     }
     grid->counts.late += is_late;
-    return grid->n_placed == 0 || row->time > placed_time(grid) ? place_row(grid, row, message) : 0;
+    if (grid->n_placed == 0 || row->time > placed_time(grid)) return place_row(grid, row, message);
+    grid->n_dropped++;
+    return 0;
 }
 
 /* Place the oldest waiting rows, but keep those that a row yet to come may precede; all where it is final. */
@@ -355,6 +360,7 @@ static inline int grid_push(Grid *grid, const TableRow *row, char *message)
         return 0;
     }
     grid->passed = -INFINITY;
+    grid->n_rows++;
     int is_wrong = 0;
     if (!is_too_old(grid, row)) {
         give_up_behind(grid);

@@ -9,7 +9,9 @@
 #include "course.h"
 
 #define KEPT_MARK 0x6863746177626600ULL
-#define KEPT_FORMAT 1
+#define KEPT_FORMAT 2
+#define KEPT_MEANWHILE 1
+#define KEPT_TRIES 3 /* to write the file while others write it, too */
 #define KEPT_EVERY_SECONDS 60.0
 #define HASH_LETTERS 64
 #define CLOCK_WORDS ((int64_t)(sizeof(GridClock) / 8))
@@ -23,6 +25,7 @@ typedef struct {
     time_t written;
     int64_t detections, accepted; /* when it was written last */
     int is_failing;
+    Stamp stamp; /* of the file when it was read or written last */
     GridClock clock;
 } Keeper;
 
@@ -109,8 +112,17 @@ static void put_run(KeptFile *kept, const GridClock *clock, const Found *found, 
     put_word(kept, ~kept->sum);
 }
 
-/* Write a run to the draft and put it into its place; 0, or SYSTEM_FAILED. */
-static int write_kept(const Keeper *keeper, const Found *found, const uint8_t *saved)
+/* Whether others have written the file since it was read or written last. */
+static int is_replaced(const Keeper *keeper)
+{
+    const Stamp now = system_stamp(keeper->path), *before = &keeper->stamp;
+    if (!now.number && !now.time) return 0; /* it is gone */
+    return now.time != before->time || now.number != before->number || now.size != before->size;
+}
+
+/* Write a run to the draft and put it into its place; 0, KEPT_MEANWHILE where others have written the file meanwhile, unless
+   that is to be written over, or SYSTEM_FAILED. */
+static int write_kept(const Keeper *keeper, const Found *found, const uint8_t *saved, int is_over)
 {
     KeptFile kept = {fopen(keeper->draft, "wb"), 0xffffffffu, 1};
     if (!kept.file) return SYSTEM_FAILED;
@@ -118,41 +130,10 @@ static int write_kept(const Keeper *keeper, const Found *found, const uint8_t *s
     const int is_settled = kept.is_good && system_settle(kept.file) == 0;
     const int why = errno;
     const int is_closed = fclose(kept.file) == 0;
-    if (is_settled && is_closed) return system_replace(keeper->draft, keeper->path);
+    if (is_settled && is_closed)
+        return !is_over && is_replaced(keeper) ? KEPT_MEANWHILE : system_replace(keeper->draft, keeper->path);
     if (!is_settled) errno = why;
     return SYSTEM_FAILED;
-}
-
-/* Keep the run as it is: `clock` is of the same moment as the state of the core. Where that cannot be, say so once, and at the
-   end, and go on. */
-static void keep_run(Keeper *keeper, const GridClock *clock, const Course *course, int is_last)
-{
-    const PlantMemory *memory = &course->plant->memory;
-    fb_save(memory->state, memory->saved);
-    keeper->clock = *clock;
-    keeper->written = time(NULL);
-    keeper->detections = course->found.detections;
-    keeper->accepted = course->found.accepted;
-    errno = 0;
-    if (write_kept(keeper, &course->found, memory->saved)) {
-        const char *why = errno ? strerror(errno) : "it cannot be written";
-        if (is_last || !keeper->is_failing)
-            fprintf(stderr, "faultbond: %s: the run cannot be kept (%s)%s.\n", keeper->path, why,
-                    is_last ? "" : "; it goes on and tries again");
-        keeper->is_failing = 1;
-        remove(keeper->draft);
-        return;
-    }
-    if (keeper->is_failing) fprintf(stderr, "faultbond: %s: the run is kept again.\n", keeper->path);
-    keeper->is_failing = 0;
-}
-
-/* Whether it is time to keep the run: at an alarm, where something was accepted, and where the last time is long ago. */
-static int is_keeping_due(const Keeper *keeper, const Found *found)
-{
-    const double ago = difftime(time(NULL), keeper->written);
-    const int is_new = keeper->detections != found->detections || keeper->accepted != found->accepted;
-    return is_new || ago < 0.0 || ago >= KEPT_EVERY_SECONDS;
 }
 
 /* Whether a clock and what was found can be those of a run: what they say of rows goes into tables as a place. */
@@ -172,11 +153,11 @@ static int is_of_a_run(const GridClock *clock, const Found *found)
 
 enum { KEPT_NOT, KEPT_GOOD, KEPT_STRANGE, KEPT_OTHER };
 
-/* Read a run: KEPT_GOOD, KEPT_NOT where there is no file, or why it is refused; then nothing is as it was. */
-static int read_kept(Keeper *keeper, Found *found, const PlantMemory *memory)
+/* Read a run: KEPT_GOOD, KEPT_NOT where there is no file, or why it is refused. saved: of the core, as bytes. */
+static int read_kept(const char *path, GridClock *clock, Found *found, uint8_t *saved)
 {
     char hash[HASH_LETTERS];
-    KeptFile kept = {fopen(keeper->path, "rb"), 0xffffffffu, 1};
+    KeptFile kept = {fopen(path, "rb"), 0xffffffffu, 1};
     if (!kept.file) return errno == ENOENT ? KEPT_NOT : KEPT_STRANGE;
     int result = KEPT_STRANGE;
     if (get_word(&kept) == KEPT_MARK && get_word(&kept) == KEPT_FORMAT) {
@@ -184,17 +165,74 @@ static int read_kept(Keeper *keeper, Found *found, const PlantMemory *memory)
         if (kept.is_good && memcmp(hash, PLANT_SHA256, HASH_LETTERS) != 0) result = KEPT_OTHER;
         else if (get_word(&kept) == (uint64_t)CLOCK_WORDS && get_word(&kept) == (uint64_t)FOUND_WORDS &&
                  get_word(&kept) == (uint64_t)fb_saved_size()) {
-            get_numbers(&kept, &keeper->clock, CLOCK_WORDS);
+            get_numbers(&kept, clock, CLOCK_WORDS);
             get_numbers(&kept, found, FOUND_WORDS);
-            get_bytes(&kept, memory->saved, (size_t)fb_saved_size());
+            get_bytes(&kept, saved, (size_t)fb_saved_size());
             const uint32_t sum = ~kept.sum;
             const int is_whole = get_word(&kept) == sum && kept.is_good && getc(kept.file) == EOF;
-            if (is_whole && is_of_a_run(&keeper->clock, found) && !fb_restore(memory->state, memory->saved, fb_saved_size()))
-                result = KEPT_GOOD;
+            if (is_whole && is_of_a_run(clock, found)) result = KEPT_GOOD;
         }
     }
     fclose(kept.file);
     return result;
+}
+
+/* Heed what a person has decided in the file of the alarm that is open. What the core saved last is lost. */
+static void heed_kept(Keeper *keeper, Course *course)
+{
+    static GridClock clock;
+    static Found other;
+    keeper->stamp = system_stamp(keeper->path);
+    if (!course->found.is_open) return;
+    if (read_kept(keeper->path, &clock, &other, course->plant->memory.saved) == KEPT_GOOD) course_heed(course, &other);
+}
+
+/* Write the file, and again where others have written it meanwhile; 0, or SYSTEM_FAILED. */
+static int write_heeding(Keeper *keeper, Course *course)
+{
+    const PlantMemory *memory = &course->plant->memory;
+    int result = KEPT_MEANWHILE;
+    for (int tries = 1; result == KEPT_MEANWHILE && tries <= KEPT_TRIES; tries++) {
+        heed_kept(keeper, course);
+        fb_save(memory->state, memory->saved);
+        errno = 0;
+        result = write_kept(keeper, &course->found, memory->saved, tries == KEPT_TRIES);
+    }
+    const int why = errno;
+    keeper->stamp = system_stamp(keeper->path);
+    errno = why;
+    return result;
+}
+
+/* Keep the run as it is: `clock` is of the same moment as the state of the core. Where that cannot be, say so once, and at the
+   end, and go on. */
+static void keep_run(Keeper *keeper, const GridClock *clock, Course *course, int is_last)
+{
+    keeper->clock = *clock;
+    keeper->written = time(NULL);
+    const int is_failing = write_heeding(keeper, course);
+    keeper->detections = course->found.detections;
+    keeper->accepted = course->found.accepted;
+    if (is_failing) {
+        const char *why = errno ? strerror(errno) : "it cannot be written";
+        if (is_last || !keeper->is_failing)
+            fprintf(stderr, "faultbond: %s: the run cannot be kept (%s)%s.\n", keeper->path, why,
+                    is_last ? "" : "; it goes on and tries again");
+        keeper->is_failing = 1;
+        remove(keeper->draft);
+        return;
+    }
+    if (keeper->is_failing) fprintf(stderr, "faultbond: %s: the run is kept again.\n", keeper->path);
+    keeper->is_failing = 0;
+}
+
+/* Whether it is time to keep the run: at an alarm, where something was accepted, where a person decided in the file, and where the
+   last time is long ago. */
+static int is_keeping_due(const Keeper *keeper, const Found *found)
+{
+    const double ago = difftime(time(NULL), keeper->written);
+    const int is_new = keeper->detections != found->detections || keeper->accepted != found->accepted;
+    return is_new || ago < 0.0 || ago >= KEPT_EVERY_SECONDS || (found->is_open && is_replaced(keeper));
 }
 
 /* Say one line of what is wrong with the file; gives the exit code of a user's mistake. */
@@ -215,7 +253,9 @@ static int keeper_begin(Keeper *keeper, const char *path, const PlantMemory *mem
     strcpy(keeper->draft, path);
     strcat(keeper->draft, DRAFT);
     keeper->written = time(NULL);
-    const int kept = read_kept(keeper, found, memory);
+    keeper->stamp = system_stamp(path);
+    int kept = read_kept(path, &keeper->clock, found, memory->saved);
+    if (kept == KEPT_GOOD && fb_restore(memory->state, memory->saved, fb_saved_size())) kept = KEPT_STRANGE;
     if (kept == KEPT_STRANGE)
         return refuse_kept(keeper, "this is not a state that this program saved, or it is damaged. Name another file, or delete it "
                                    "to begin anew.");

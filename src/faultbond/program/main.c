@@ -127,6 +127,12 @@ static Wishes read_arguments(int count, char **words)
     wishes.level = NO_LEVEL;
     for (int k = 1; k < count && !wishes.is_over; k++) {
         if (read_decision(&wishes.decision, words[k]) || read_flag(&wishes, words[k])) continue;
+        char *const value = strncmp(words[k], "--", 2) == 0 ? strchr(words[k], '=') : NULL;
+        if (value != NULL) { /* --state=FILE */
+            *value = '\0';
+            wishes.is_over = !read_option(&wishes, words[k], value + 1);
+            continue;
+        }
         wishes.is_over = !read_option(&wishes, words[k], k + 1 < count ? words[k + 1] : NULL);
         k++;
     }
@@ -151,7 +157,7 @@ static void mind_output(const Out *out)
 }
 
 /* Keep the run, if that is due and the clock of the recording is of the same moment as the core. */
-static void keep_now(Keeper *keeper, const Reader *reader, const Course *course)
+static void keep_now(Keeper *keeper, const Reader *reader, Course *course)
 {
     static GridClock clock;
     if (!keeper->path || course->n || !is_keeping_due(keeper, &course->found)) return;
@@ -216,6 +222,8 @@ static void end_run(const Reader *reader, Course *course, Keeper *keeper)
     static GridClock clock;
     const Counts counts = reader_counts(reader);
     if (keeper->path && reader_clock(reader, &clock)) keep_run(keeper, &clock, course, 1);
+    course->n_rows = reader_rows(reader);
+    course->n_dropped = reader_dropped(reader);
     course_finish(course, &counts);
     mind_output(course->json->out);
     if (course->json->out->lost && !is_output_closed(course->json->out))
@@ -228,7 +236,7 @@ static int no_rows(const Course *course, int64_t passed, double last_time)
 {
     if (course->goes_on && passed)
         fprintf(stderr,
-                "-: no row is later than %.15g s, where the saved run ended. Give a recording that goes on from there, or "
+                "standard input: no row is later than %.15g s, where the saved run ended. Give a recording that goes on from there, or "
                 "another state file.\n",
                 last_time);
     else
@@ -244,6 +252,7 @@ static int conclude_run(const Reader *reader, const Course *course, const Counts
     char reason[REASON_ROOM];
     if (counts.samples == before->samples) return no_rows(course, counts.duplicate - before->duplicate, last_time);
     if (no_verdict(course, counts.samples, reason)) fprintf(stderr, "faultbond: no verdict: %s.\n", reason);
+    else tell_silence(&course->presence);
     return codes[verdict_of(course, counts.samples)];
 }
 

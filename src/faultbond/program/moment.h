@@ -40,7 +40,32 @@ static inline const char *read_day_time(const char *at, DayTime *time)
     return at;
 }
 
-/* Read YYYY-MM-DD or YYYYMMDD as days since 1970; gives where it ends, or NULL where there is no such day. */
+/* Days since 1970 of the first of January of a year. */
+static inline int64_t days_before_year(int year)
+{
+    const int64_t before = year - 1;
+    return 365 * before + before / 4 - before / 100 + before / 400 - 719162;
+}
+
+/* Read what follows the year of YYYY-Www, YYYY-Www-D, YYYYWww or YYYYWwwD, as days since 1970; gives where it ends, or NULL
+   where there is no such week. A year's first week is the one with its first Thursday. */
+static inline const char *read_week(const char *at, int year, int64_t *days)
+{
+    int week, day = 1;
+    const int has_dash = *at == '-';
+    at = read_digits(at + has_dash + 1, 2, &week);
+    if (at == NULL) return NULL;
+    if (*at == '-' ? has_dash : !has_dash && is_digit(*at)) at = read_digits(at + has_dash, 1, &day);
+    if (at != NULL && is_digit(*at)) return NULL;
+    const int64_t first = days_before_year(year), next = days_before_year(year + 1);
+    const int64_t weekday = ((first + 3) % 7 + 7) % 7, after = ((next + 3) % 7 + 7) % 7; /* 0: Monday */
+    const int64_t begin = first - weekday + 7 * (weekday > 3), end = next - after + 7 * (after > 3);
+    if (at == NULL || year < 1 || week < 1 || day < 1 || day > 7 || begin + 7 * (week - 1) >= end) return NULL;
+    *days = begin + 7 * (week - 1) + day - 1;
+    return at;
+}
+
+/* Read YYYY-MM-DD or YYYYMMDD, or the week of a year, as days since 1970; gives where it ends, or NULL where there is no such day. */
 static inline const char *read_date(const char *at, int64_t *days)
 {
     static const int BEFORE_MONTH[] = {0, 31, 59, 90, 120, 151, 181, 212, 243, 273, 304, 334, 365};
@@ -48,15 +73,14 @@ static inline const char *read_date(const char *at, int64_t *days)
     at = read_digits(at, 4, &year);
     if (at == NULL) return NULL;
     const int has_dashes = *at == '-';
+    if (at[has_dashes] == 'W') return read_week(at, year, days);
     at = read_digits(at + has_dashes, 2, &month);
     if (at == NULL || (has_dashes && *at != '-')) return NULL;
     at = read_digits(at + has_dashes, 2, &day);
     if (at == NULL || year < 1 || month < 1 || month > 12 || day < 1) return NULL;
     const int is_leap = (year % 4 == 0 && year % 100 != 0) || year % 400 == 0;
     if (day > BEFORE_MONTH[month] - BEFORE_MONTH[month - 1] + (month == 2 && is_leap)) return NULL;
-    const int64_t before = year - 1;
-    *days = 365 * before + before / 4 - before / 100 + before / 400 - 719162;
-    *days += BEFORE_MONTH[month - 1] + (month > 2 && is_leap) + day - 1;
+    *days = days_before_year(year) + BEFORE_MONTH[month - 1] + (month > 2 && is_leap) + day - 1;
     return at;
 }
 
@@ -85,7 +109,7 @@ static inline double seconds_of(int64_t millionths)
 }
 
 /* The moment that a text is that ends with 0 and has no blanks about it: a date, and behind it any letter and a time of day,
-   and a zone, in Unix seconds; nan where it is none. Weeks of a year, which are in use elsewhere, are not read. */
+   and a zone, in Unix seconds; nan where it is none. */
 static inline double moment_in(const char *text)
 {
     DayTime time = {0, 0, 0, 0};

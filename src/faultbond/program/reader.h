@@ -1,4 +1,4 @@
-/* CSV text in, grid points out: all of the reading side behind eight functions, without allocation.
+/* CSV text in, grid points out: all of the reading side behind ten functions, without allocation.
 
    static Reader reader;                                      (some 300 KiB: not on a stack)
    reader_begin(&reader);
@@ -16,7 +16,7 @@
 
    Points come in the order of `run -`, and those before an error come before it. What differs from `run`:
    - a record of more than CSV_ROOM bytes (256 KiB) is refused, and one of more than 100 lines before it ends;
-   - times are read as calendar dates; weeks (2026-W07), and letters between the seconds and a zone, are not;
+   - letters between the seconds and a zone are not read;
    - a name that is meant is sought without regard to capitals in ASCII only, and shown as it is, printable or not;
    - a sample of more rows than MEANS_KEPT, four times those that the model file states and 64 at least, is not searched for
      a jump; means of rows are summed in their order, so that last digits may differ;
@@ -163,6 +163,11 @@ static inline int reader_next(Reader *reader, Point *point)
 
 /* What has been passed so far, with what an earlier reader passed. */
 static inline Counts reader_counts(const Reader *reader) { return reader->grid.counts; }
+
+/* How many rows with a time were taken since this reader began, and how many of them came too late to be used. */
+static inline int64_t reader_rows(const Reader *reader) { return reader->grid.n_rows; }
+
+static inline int64_t reader_dropped(const Reader *reader) { return reader->grid.n_dropped; }
 
 /* Whether all points of the rows so far are given, so that the clock and the points are of one moment. It is so after each
    READER_WAITS, and between two points wherever the next one is of another row. */

@@ -6,11 +6,41 @@
 #include "json.h"
 #include "plant.h"
 #include "point.h"
+#include "presence.h"
 
-/* What a run has found so far. is_open: nothing was accepted yet for the last alarm. */
+#define MOST_REJECTED 64 /* hypotheses that were ruled out since the last alarm and are known by number */
+
+/* What a run has found so far. is_open: nothing was accepted yet for the last alarm, raised at the sample `opened`. accepted,
+   rejected: how many hypotheses, the latter since the last alarm; last_accepted, ruled_out: which; is_repaired: whether that
+   which was accepted last was the fault and is mended. */
 typedef struct {
-    int64_t detections, watched, waiting, wild, outside, sensors_outside, is_open, accepted, rejected;
+    int64_t detections, watched, waiting, wild, outside, sensors_outside, is_open, opened, accepted, rejected;
+    int64_t last_accepted, is_repaired, ruled_out[MOST_REJECTED];
 } Found;
+
+/* Note that a hypothesis was accepted. */
+static void note_accepted(Found *found, int64_t hypothesis, int is_repaired)
+{
+    found->is_open = found->rejected = 0;
+    found->accepted++;
+    found->last_accepted = hypothesis;
+    found->is_repaired = is_repaired;
+}
+
+/* Note that a hypothesis was ruled out. */
+static void note_rejected(Found *found, int64_t hypothesis)
+{
+    if (found->rejected < MOST_REJECTED) found->ruled_out[found->rejected] = hypothesis;
+    found->rejected++;
+}
+
+/* Whether a hypothesis was ruled out since the last alarm. */
+static int is_ruled_out(const Found *found, int64_t hypothesis)
+{
+    for (int64_t k = 0; k < found->rejected && k < MOST_REJECTED; k++)
+        if (found->ruled_out[k] == hypothesis) return 1;
+    return 0;
+}
 
 static void begin_record(Json *json, const char *kind)
 {
@@ -255,7 +285,7 @@ static void write_diagnosis(Json *json, const Diagnosis *found, const Advice *ad
     for (int64_t k = 0; k < advice->n_checks; k++) write_check(json, &advice->checks[k], advice->n_rivals, found->candidates);
     json_close(json, ']');
     tell_untested(json, found);
-    tell_real(json, "within_accuracy", found->within_accuracy);
+    tell_real(json, "within_accuracy", found->n_candidates > 0 ? found->within_accuracy : NAN);
     tell_real(json, "mismatch", found->mismatch);
     if (is_outside) tell_truth(json, "outside", 1);
     end_record(json);
@@ -274,8 +304,28 @@ static void write_decision(Json *json, const char *kind, double time, const Cand
     end_record(json);
 }
 
-/* The last record. time: last grid point; nan: there was none. */
-static void write_end(Json *json, double time, const Counts *counts, const Found *found)
+/* Sensors and inputs that gave no value, hardly any, or none for long. */
+static void tell_silent(Json *json, const Presence *presence)
+{
+    json_key(json, "silent");
+    json_open(json, '[');
+    for (int k = 0; k < N_HEARD; k++) {
+        double since, until;
+        if (!is_silent(presence, k)) continue;
+        longest_silence(presence, k, &since, &until);
+        json_open(json, '{');
+        tell_text(json, "name", signal_name(k));
+        tell_text(json, "role", signal_role(k));
+        tell_whole(json, "values", presence->values[k]);
+        tell_real(json, "since", since);
+        tell_real(json, "until", until);
+        json_close(json, '}');
+    }
+    json_close(json, ']');
+}
+
+/* The last record. time: last grid point; nan: there was none. dropped, presence: of this run alone. */
+static void write_end(Json *json, double time, const Counts *counts, const Found *found, int64_t dropped, const Presence *presence)
 {
     begin_record(json, "end");
     tell_real(json, "time", time);
@@ -293,6 +343,8 @@ static void write_end(Json *json, double time, const Counts *counts, const Found
     tell_whole(json, "wild", found->wild);
     tell_whole(json, "outside", found->outside);
     tell_whole(json, "sensors_outside", found->sensors_outside);
+    tell_whole(json, "dropped", dropped);
+    tell_silent(json, presence);
     end_record(json);
 }
 

@@ -13,11 +13,30 @@
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <sys/types.h>
 #include <time.h>
 
 #define SYSTEM_FAILED (-1)  /* errno says why */
 #define SYSTEM_STOPPED (-2) /* by a signal */
 #define INPUT_ROOM 65536    /* bytes of standard input that are read at a time */
+
+/* What changes where a file is replaced. */
+typedef struct {
+    long long time, number, size;
+} Stamp;
+
+/* The stamp of a file; zeros where there is none. */
+static Stamp system_stamp(const char *path)
+{
+    struct stat about;
+    Stamp stamp = {0, 0, 0};
+    if (stat(path, &about) != 0) return stamp;
+    stamp.time = (long long)about.st_mtime;
+    stamp.number = (long long)about.st_ino;
+    stamp.size = (long long)about.st_size;
+    return stamp;
+}
 
 #ifdef WATCH_POSIX
 

@@ -44,6 +44,7 @@ def render_report(
     facts = {"Sensors": view.sensors, "Sampled": view.step, "Recording": view.period, "Engine": engine_title}
     facts |= {"Made by": f"faultbond {version}", "Accepted": decided_text(graph, history.accepted)}
     facts |= {"Rejected": decided_text(graph, history.rejected)}
+    facts |= {"Not watched": " ".join(view.notes)}
     always = ("Sensors", "Sampled", "Engine", "Made by")
     sections = chart_sections(graph, history)
     start = float(history.time[0]) if len(history.time) else 0.0

@@ -25,6 +25,7 @@ from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text,
 from faultbond.report.suspects import owner_title
 from faultbond.report.together import together_texts
 from faultbond.report.verdict import step_text, unfalsifiable_text
+from faultbond.synthesis.project import count_lanes
 from faultbond.synthesis.specify import PROCESS_NOISE
 from faultbond.types import CheckKind, TimeGrid
 
@@ -191,7 +192,7 @@ def check_record(seen: Inventory) -> Record:
         "discretisation": {"method": METHOD, "substeps": seen.model.substeps},
         "hypotheses": {str(size): number for size, number in _set_sizes(spec).items()},
         "explain_anything": [[spec.parameters[k].name for k in chosen] for chosen in spec.explain_anything],
-        "filters": lanes.plan_lanes(spec).n_lanes,
+        "filters": count_lanes(spec),
         "engine": seen.engine,
         "settings": {name: value for name, (value, _) in settings_of(spec).items()},
         "defaults": [{"what": what, "value": value} for what, value in graph.defaults],
@@ -546,7 +547,7 @@ def _print_method(console: Console, seen: Inventory) -> None:
             ("warm-up", f"no alarms in the first {spec.thresholds.warm_up_samples} samples"),
             *([("false alarms", f"one in {duration_text(promised)} at most, on average")] if promised else []),
             ("in time", f"{METHOD}; {substeps}"),
-            ("hypotheses", f"{sets or 'none'}; {lanes.plan_lanes(spec).n_lanes} filters after an alarm"),
+            ("hypotheses", f"{sets or 'none'}; {count_lanes(spec)} filters after an alarm"),
             *([("not tested", f"{text}: would explain anything")] if (text := unfalsifiable_text(spec)) else []),
             *_left_out(spec),
             ("runs as", seen.engine),

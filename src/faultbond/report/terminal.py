@@ -17,7 +17,7 @@ GROUP_MARK = "●"
 CONTRADICTED = "The data contradict them all; the percentages tell only which comes nearest."
 WHOLE = ("kind", "nominal", "estimate ± sd", "change", "%")  # columns that are not folded
 RIGHT = ("nominal", "change", "%")
-STYLES = {"fault": "bold", "open": "bold yellow", "healthy": "bold green"}
+STYLES = {"fault": "bold", "open": "bold yellow", "partial": "bold yellow", "healthy": "bold green"}
 
 
 def print_diagnosis(
@@ -62,6 +62,8 @@ def print_diagnosis(
                 tells = f": tells {check.parts} ({check.gain}{cost})"
                 console.print(Text.assemble(f" {check.action}", (tells, "dim")))
             console.print()
+    for note in view.notes:
+        console.print(Text(note, style="yellow"))
     console.print(Text(view.verdict, style=STYLES[view.state]))
 
 

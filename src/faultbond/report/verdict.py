@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 from faultbond.contract.core_settings import core_settings
@@ -17,6 +17,7 @@ from faultbond.contract.findings import (
     Unexplained,
     Walk,
 )
+from faultbond.contract.silence import SENSOR, Silent
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.report.checks import CheckRow, action, check_rows
@@ -47,6 +48,7 @@ TABLE_ROWS = 8
 NEGLIGIBLE = 0.001  # candidates below are listed only to fill the first three rows
 NAMED_SETS = 4  # candidates of a group named in a sentence
 MOVES = " (this value still moves)"
+NOTES = 6  # sensors and inputs without a value of which a sentence each is said
 RANKED_SETS = 8  # candidates of the ranking after a rejection
 
 
@@ -54,7 +56,9 @@ RANKED_SETS = 8  # candidates of the ranking after a rejection
 class RunCounts:
     """Samples of a run: grid points passed, and defects of the recording. Keys of the `end` record.
 
-    no_verdict: why the run says nothing about the plant; empty where it does.
+    no_verdict: why the run says nothing about the plant; empty where it does. disorder: the same where rows are so
+    much out of order that an alarm says nothing either. silent: sensors and inputs that gave no value, hardly any, or
+    none for long.
     """
 
     samples: int
@@ -70,6 +74,8 @@ class RunCounts:
     outside: int = 0
     sensors_outside: int = 0
     no_verdict: str = ""
+    disorder: str = ""
+    silent: tuple[Silent, ...] = ()
 
     def defects(self) -> str:
         """Say what was wrong with the recording, `3 missing, 1 late`; empty where nothing was."""
@@ -97,10 +103,10 @@ class TableRow:
 class RunView:
     """All that is said of a run, in one notation, as terminal and page show it.
 
-    state: `fault`, `open` or `healthy`. period, span: first and last time, and how long that is. events: alarms, and
-    what was accepted or rejected, in the order of time; True: an alarm. diagnosis: of the fault that is open, with its
-    rows and checks. several: whether candidates cannot be told from the best. remainder, left_out: candidates that the
-    rows leave out, and what may be true beside all candidates.
+    state: `fault`, `open`, `partial` or `healthy`. notes: what was not watched. period, span: first and last time, and
+    how long that is. events: alarms, and what was accepted or rejected, in the order of time; True: an alarm.
+    diagnosis: of the fault that is open, with its rows and checks. several: whether candidates cannot be told from the
+    best. remainder, left_out: candidates that the rows leave out, and what may be true beside all candidates.
     """
 
     state: str
@@ -119,6 +125,7 @@ class RunView:
     left_out: str = ""
     contradicted: bool = False
     checks: tuple[CheckRow, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Notation) -> RunView:
@@ -129,7 +136,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
     diagnosis = open_diagnosis(history)
     rows = table_rows(graph, diagnosis, notation) if diagnosis else ()
     return RunView(
-        state="fault" if history.detections else "open" if counts.no_verdict else "healthy",
+        state=_state(history, counts),
         verdict=" ".join(
             filter(None, (verdict_sentence(graph, history, counts, notation), early_sentence(graph, history)))
         ),
@@ -147,7 +154,26 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
         left_out=_beside(diagnosis) if diagnosis else "",
         contradicted=diagnosis is not None and diagnosis.unexplained is not None,
         checks=check_rows(graph, diagnosis, notation) if diagnosis else (),
+        notes=_notes(counts.silent),
     )
+
+
+def _state(history: History, counts: RunCounts) -> str:
+    """Give how a run stands, in a word."""
+    if counts.disorder:
+        return "open"
+    if history.detections:
+        return "fault"
+    if counts.no_verdict:
+        return "open"
+    return "partial" if any(item.role == SENSOR for item in counts.silent) else "healthy"
+
+
+def _notes(silent: Sequence[Silent]) -> tuple[str, ...]:
+    """Say which sensors and inputs gave no value, and what follows."""
+    told = [f"{text[0].upper()}{text[1:]}." for text in (item.sentence(clock_text) for item in silent)]
+    more = len(told) - NOTES
+    return (*told[:NOTES], f"So with {more} more sensors and inputs.") if more > 1 else tuple(told)
 
 
 def step_text(graph: BondGraph) -> str:
@@ -248,13 +274,16 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
     """Say in plain words what a run found."""
     if history.open is None and counts.no_verdict:
         return f"No verdict: {counts.no_verdict}."
+    if counts.disorder:
+        after = replace(counts, disorder="", no_verdict="")
+        return f"No verdict: {counts.disorder}. Of what is left: {verdict_sentence(graph, history, after, notation)}"
     if history.open is None and history.detections:
         repaired, taken = ([item for item in history.accepted if item.repaired is is_so] for is_so in (True, False))
         told = [f"Repaired: {decided_text(graph, repaired)}."] if repaired else []
         told += [f"Accepted as the new normal: {decided_text(graph, taken)}."] if taken else []
         return " ".join([*told, "No other fault was found."])
     if history.open is None:
-        return f"No fault found in {counts.samples} samples ({duration_text(_span(history))})."
+        return f"No fault found {_watched(graph, counts)}in {counts.samples} samples ({duration_text(_span(history))})."
     diagnosis = open_diagnosis(history)
     if diagnosis is None:
         return "A fault was detected; there is no diagnosis yet."
@@ -291,6 +320,15 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
     else:
         event = f"{owners} {'is' if one else 'are'} at fault"
     return f"Most likely {event}: {changes}{_certainty(diagnosis)}.{otherwise(best)}"
+
+
+def _watched(graph: BondGraph, counts: RunCounts) -> str:
+    """Say which sensors have watched the plant: `by flow `; empty where all have."""
+    never = {item.name for item in counts.silent if item.role == SENSOR and not item.values}
+    heard = [sensor.name for sensor in graph.sensors if sensor.name not in never]
+    if not never or not heard:
+        return ""
+    return f"by {join(heard)} " if len(heard) <= NAMED_SETS else f"by {len(heard)} of {len(graph.sensors)} sensors "
 
 
 def early_sentence(graph: BondGraph, history: History) -> str:

@@ -125,6 +125,18 @@ def with_lanes(spec: EngineSpec, most: int) -> EngineSpec:
     return of(low)
 
 
+def _suspects(parts: ProjectParts) -> str:
+    """Give the table of the parameters that may be at fault."""
+    return _table(
+        ("parameter", "of", "nominal", "unit", "line"),
+        (
+            (i.name, i.owner, number_text(i.unit.from_si(i.nominal)), i.unit.text, i.line)
+            for i in parts.graph.parameters
+            if i.suspect
+        ),
+    )
+
+
 def _folder(name: str) -> dict[str, str]:
     """Give the files of C in a folder of the package, by name."""
     items = sorted(files("faultbond").joinpath(name).iterdir(), key=lambda item: item.name)
@@ -165,14 +177,7 @@ def _holes(parts: ProjectParts) -> dict[str, str]:
             ("sensor", "column", "unit", "reads", "line"),
             ((i.name, i.column, i.unit.text, _code(to_text(i.reads)), i.line) for i in parts.graph.sensors),
         ),
-        "suspects": _table(
-            ("parameter", "of", "nominal", "unit", "line"),
-            (
-                (i.name, i.owner, number_text(i.unit.from_si(i.nominal)), i.unit.text, i.line)
-                for i in parts.graph.parameters
-                if i.suspect
-            ),
-        ),
+        "suspects": _suspects(parts) if spec.n_hypotheses else "",
         "instruments": _listed(f"`{item.name}`" for item in spec.instruments) or "none",
         "tested": "; ".join(tested(spec)),
         "laws": "\n".join(

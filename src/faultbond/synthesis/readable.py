@@ -105,7 +105,7 @@ def _head(spec: EngineSpec, graph: BondGraph) -> Iterator[str]:
     yield from told("states", (item.name for item in spec.states))
     yield from told("inputs", (_with_unit(item.name, item.unit) for item in spec.inputs))
     yield from told("watched", (_with_unit(item.name, item.unit) for item in spec.outputs))
-    yield from told("suspects", _suspects(spec))
+    yield from told("suspects", _suspects(spec) if spec.n_hypotheses else ())
     yield from told("tested", tested(spec))
     yield ""
     yield "   Calls stand in core/fb.h, what they give in core/found.h. Numbers are SI; in `v` parameters are factors."

@@ -59,7 +59,7 @@ def check_same(result: fb.Result, told: list[dict[str, Any]]) -> None:
     """A result says what the records of the command line say."""
     assert plainly([detection_record(item) for item in result.detections]) == of("detection", told)
     assert plainly([diagnosis_record(item) for item in result.diagnoses]) == of("diagnosis", told)
-    assert {"record": "end"} | dict(result.counts) == of("end", told)[0]
+    assert {"record": "end", "silent": []} | dict(result.counts) == of("end", told)[0]
 
 
 def test_a_run_gives_what_the_command_line_records(short: Path, told: list[dict[str, Any]], tmp_path: Path) -> None:
@@ -104,7 +104,7 @@ def test_a_static_network_is_run_alike(tmp_path: Path) -> None:
     found, result = records(tmp_path / "told.jsonl"), fb.run(model, rows)
     assert plainly([detection_record(item) for item in result.detections]) == of("detection", found)
     assert plainly(diagnosis_record(result.diagnoses[-1])) == of("diagnosis", found)[-1]
-    assert {"record": "end"} | dict(result.counts) == of("end", found)[0]
+    assert {"record": "end", "silent": []} | dict(result.counts) == of("end", found)[0]
     assert result.best is not None
     assert "contradicts the healthy network" in str(result)
     for curves in (result.to_frame, result.plot, lambda: result.report(tmp_path / "no.html")):
@@ -155,7 +155,7 @@ def test_row_by_row_gives_what_a_run_gives(short: Path, told: list[dict[str, Any
     if last is not None and last.diagnosis is not None:
         found.append(plainly(diagnosis_record(last.diagnosis)))
     assert found == [item for item in told if item["record"] in ("detection", "diagnosis")]
-    assert {"record": "end"} | dict(monitor.counts) == of("end", told)[0]
+    assert {"record": "end", "silent": []} | dict(monitor.counts) == of("end", told)[0]
     assert (monitor.verdict, monitor.no_verdict) == ("fault", "")
     assert monitor.best is not None
     assert monitor.best.components == ("C",)
@@ -239,7 +239,7 @@ MISTAKES: dict[str, tuple[Callable[[], object], str]] = {
     "a method": (lambda: fb.run(MODEL, ROW, method="best"), "method='best': expected bank or classic"),
     "a level": (lambda: fb.run(MODEL, ROW, accept=0.2), "accept=0.2: expected auto, or a probability"),
     "no folder": (lambda: fb.run(MODEL, RECORDING, state="nowhere/x.state"), "there is no folder nowhere"),
-    "an example": (lambda: fb.example("moon"), "The example 'moon' is not part"),
+    "an example": (lambda: fb.example("moon"), "there is no example 'moon'. There are "),
     "a first row": (lambda: fb.Monitor(MODEL).update(0.0, {"V": 1.0}), "the first row: no column 'V_C'"),
     "no row": (lambda: fb.Monitor(MODEL).update(0.0, 3.0), "float: expected values by column"),  # type: ignore[arg-type]
     "a list": (lambda: fb.Monitor(MODEL).update(0.0, ROW | {"V": [1.0]}), "column 'V' is a list. Give a number"),
@@ -270,7 +270,7 @@ def test_times_of_rows() -> None:
 def test_values_of_rows() -> None:
     """A value is any number, a text of one, or none; what is missing is counted."""
     monitor = fb.Monitor(MODEL)
-    for k, value in enumerate((1, 1.0, Decimal(1), np.float32(1.0), "1", True)):
+    for k, value in enumerate((1, 1.0, Decimal(1), np.float32(1.0), "1", 1)):
         monitor.update(0.02 * k, {"V": value, "V_C": 0.0, "more": object()})
     assert monitor.counts["missing"] == 0
     for k, value in enumerate((None, float("nan"), pandas.NA, ""), start=6):
@@ -335,3 +335,49 @@ def test_the_package_is_light() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["faultbond.api.verbs"] * 2
+
+
+@pytest.mark.parametrize("given", [True, np.bool_(True), "Bad Input", {"a": 1}])
+def test_a_monitor_takes_numbers_only(given: object) -> None:
+    """Truth values and texts that are no number are refused by the column; signs that there is no value are none."""
+    monitor = fb.Monitor(fb.example("rc"))
+    with pytest.raises(fb.FaultbondError, match=r"column 'V_C' is .* Give a number"):
+        monitor.update(0.0, {"V": 5.0, "V_C": given})
+    for k, value in enumerate(["", "n/a", "NaN", None, "4.5", 4.5]):
+        monitor.update(0.02 * k, {"V": 5.0, "V_C": value})
+    assert (monitor.counts["samples"], monitor.counts["missing"]) == (6, 4)
+
+
+def test_a_column_that_comes_later_is_a_mistake() -> None:
+    """A name that is misspelt in a later row is told with those of the first row; one may be left out."""
+    monitor = fb.Monitor(fb.example("rc"))
+    monitor.update(0.0, {"V": 5.0, "V_C": 0.0, "remark": "begun"})
+    monitor.update(0.02, {"V": 5.0})
+    with pytest.raises(fb.FaultbondError, match="no column 'V_c' was in the first row, which had V, V_C, remark"):
+        monitor.update(0.04, {"V": 5.0, "V_c": 0.1})
+    assert repr(monitor) == "<Monitor of 'RC circuit': none, 2 samples>"
+
+
+def test_truth_values_are_no_numbers_and_texts_no_truth_values(tmp_path: Path) -> None:
+    """A column of them, accept=True and watch_only="no" are refused in a line."""
+    model = fb.example("rc")
+    rows = {"time": [0.0, 0.02, 0.04], "V": [1.0, 1.0, 1.0], "V_C": [True, False, True]}
+    with pytest.raises(fb.FaultbondError, match=r"column 'V_C' \(sensor V_C\) holds truth values"):
+        fb.run(model, rows)
+    with pytest.raises(fb.FaultbondError, match="accept=True: expected auto, or a probability"):
+        fb.Monitor(model, accept=True)
+    with pytest.raises(fb.FaultbondError, match="watch_only='no': expected True or False"):
+        fb.generate(model, tmp_path / "plant", watch_only="no")  # type: ignore[arg-type]
+    made = fb.simulate(model, {"time": [0.0, 0.02, 0.04], "V": [1.0, 1.0, 1.0]}, seed=1)
+    assert repr(made) == "<Simulation of 'RC circuit': 3 samples, 0 s to 0.04 s, seed 1>"
+
+
+def test_a_result_tells_a_sensor_that_never_read() -> None:
+    """Its name is in `silent`, and in what a notebook shows."""
+    model = fb.example("dc_motor_current")
+    table = {
+        "time": 0.02 * np.arange(400), "V": np.full(400, 20.0), "omega": np.full(400, np.nan), "i": np.full(400, 0.5)
+    }  # fmt: skip
+    result = fb.run(model, table)
+    assert [(item.name, item.values) for item in result.silent] == [("omega", 0)]
+    assert result.detection is not None or "The sensor omega gave no value" in result._repr_html_()

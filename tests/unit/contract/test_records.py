@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from faultbond.contract.findings import Candidate, Detection, Diagnosis, Forecast, Suspect, Unexplained, Walk
 from faultbond.contract.json_records import detection_record, diagnosis_record, end_record, run_record
+from faultbond.contract.silence import Silent
 from faultbond.simulate import Fault
 from faultbond.types import FaultKind, Method
 from made import plant, recorded, run
@@ -127,9 +128,12 @@ def test_the_last_record() -> None:
     """It has all counts, and no time where there was no sample."""
     counts = {"samples": 9, "watched": 4, "detections": 1, "missing": 3, "late": 2, "duplicate": 1}
     more = {"untimed": 5, "unused": 6, "clock_jumps": 7, "saturated": 8, "frozen": 10, "wild": 11}
-    more |= {"outside": 12, "sensors_outside": 13}
-    assert end_record(time=4.0, **counts, **more) == {"record": "end", "time": 4.0} | counts | more
-    assert end_record(time=4.0, **counts) == {"record": "end", "time": 4.0} | counts | dict.fromkeys(more, 0)
+    more |= {"outside": 12, "sensors_outside": 13, "dropped": 14}
+    silent = {"name": "V_C", "role": "sensor", "values": 2, "since": 1.0, "until": None}
+    told = end_record(time=4.0, **counts, **more, silent=[Silent(**silent, samples=9)])
+    assert told == {"record": "end", "time": 4.0} | counts | more | {"silent": [silent]}
+    none = dict.fromkeys(more, 0) | {"silent": []}
+    assert end_record(time=4.0, **counts) == {"record": "end", "time": 4.0} | counts | none
     assert end_record(time=None, **counts)["time"] is None
 
 

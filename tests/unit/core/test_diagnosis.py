@@ -7,7 +7,9 @@ from diagnosed import N_P, RESERVE, SPEC, Diagnosed, share_of, slot_of
 from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.spec import pack
+from faultbond.runtime.monitor import Monitor
 from faultbond.types import FaultKind
+from made import plant, recorded, run
 
 WIDE, STEPS, SETTINGS = SPEC.slotted, plan_lanes(SPEC), SPEC.thresholds
 SHARE = share_of(400)  # of differences of likelihoods, so many samples after the alarm
@@ -145,7 +147,6 @@ def test_when_there_is_no_bound(state: Diagnosed) -> None:
 
     for change in (
         lambda: state["job.settled"].fill(475),
-        lambda: state["clock.alarm"].fill(-1),
         disguised,
         lost,
     ):
@@ -170,3 +171,11 @@ def test_a_tested_set_that_is_no_number_bounds_nothing(state: Diagnosed) -> None
         state.write("step", int(lane), np.full(SPEC.n_numbers, np.nan))
     expected = sum(most.values()) / (sum(most.values()) + tested - gone)
     assert state.diagnose()["untested_probability"] == pytest.approx(expected, rel=1e-6)
+
+
+def test_without_an_alarm_there_are_no_candidates() -> None:
+    """Before the first sample, and while all is as expected, the diagnosis of now is empty."""
+    monitor = Monitor(plant("rc")[2])
+    assert monitor.conclude().candidates == ()
+    watched = run(plant("rc")[2], recorded("rc", 100))[0]
+    assert watched.conclude().candidates == ()

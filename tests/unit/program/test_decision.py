@@ -1,6 +1,8 @@
 """A person decides of a run that the generated program keeps, without Python."""
 
 import json
+import subprocess
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -60,7 +62,10 @@ def test_what_cannot_be_decided_is_said(states: tuple[str, str], programs: Progr
     program, state = programs("rc"), states[0]
     before = Path(state).read_bytes()
     for names, words in (
-        (("accept", "nobody"), "nobody: no candidate has just these components."),
+        (
+            ("accept", "nobody"),
+            "nobody: no candidate has just these components. Name those of one candidate of the diagnosis: C, ",
+        ),
         (("reject",), "watch: reject: name the parts of a candidate"),
     ):
         said = watched(program, b"", "--state", state, *names)
@@ -69,5 +74,43 @@ def test_what_cannot_be_decided_is_said(states: tuple[str, str], programs: Progr
         assert said.err.count("\n") == 1
     assert Path(state).read_bytes() == before
     assert watched(program, b"", "--state", state, "accept").code == 0
-    said = watched(program, b"", "--state", state, "accept")
+    said = watched(program, b"", f"--state={state}", "accept")
     assert (said.code, said.err) == (2, "There is no alarm to explain, so nothing to accept or reject.\n")
+
+
+@pytest.mark.parametrize("verb", [("accept",), ("accept", "C", "--repaired"), ("reject", "R")])
+def test_a_run_that_goes_on_heeds_what_is_decided_in_its_file(
+    verb: tuple[str, ...], programs: Programs, tmp_path: Path
+) -> None:
+    """A decision in the file of a running program is done at its next row, told as a record, and not written over."""
+    program, state = programs("rc"), tmp_path / "state"
+    command = [program, "--state", str(state)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as running:
+        assert running.stdin is not None
+        assert running.stdout is not None
+        running.stdin.write(ALARMED)
+        running.stdin.flush()
+        begun = [json.loads(running.stdout.readline()) for _ in range(3)]
+        assert [record["record"] for record in begun] == ["run", "detection", "diagnosis"]
+        deadline = time.monotonic() + 20.0
+        while not state.exists():
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        decided = watched(program, b"", "--state", str(state), *verb).records[0]
+        running.stdin.write(LINES[1080])
+        running.stdin.flush()
+        told = json.loads(running.stdout.readline())
+        while told["record"] == "diagnosis":  # of the rows before
+            told = json.loads(running.stdout.readline())
+        running.stdin.close()
+        rest = [json.loads(line) for line in running.stdout]
+    for key in ("record", "components", "by"):  # its kind may be another one by now
+        assert told[key] == decided[key]
+    assert told.get("repaired") == decided.get("repaired")
+    again = watched(program, b"", "--state", str(state), *verb)
+    assert again.code == 2  # nothing is open any more, or the same is ruled out already
+    left = [record for record in rest if record["record"] == "diagnosis"]
+    assert bool(left) == (verb[0] == "reject")
+    assert not any(
+        "R" in item["parameters"] and item["probability"] for record in left for item in record["candidates"]
+    )

@@ -72,6 +72,8 @@ def test_help_and_version_are_told(programs: Programs) -> None:
         (("--accept", "nan"), "nan: --accept expects auto"),
         (("--accept", "0.9x"), "0.9x: --accept expects auto"),
         (("--state",), "--state: name a file"),
+        (("--accept=0.3",), "0.3: --accept expects auto"),
+        (("--stat=x",), "--stat: there is no such argument. See --help."),
         (("rows.csv",), "rows.csv: there is no such argument. See --help."),
         (("--repaired",), "--repaired: there is no such argument. See --help."),
         (("accept",), "--state: name the file that keeps the run"),

@@ -384,7 +384,7 @@ def test_hard_roundings_are_those_of_python(readings: Compiled) -> None:
 
 
 def test_moments_are_those_of_python(readings: Compiled) -> None:
-    """Dates, times of day and zones as recordings have them; weeks and lists of days are not read."""
+    """Dates, times of day and zones as recordings have them; lists of days are not read."""
     plain = readings["plain"]
 
     @settings(OFTEN, max_examples=300)
@@ -407,6 +407,19 @@ def test_moments_are_those_of_python(readings: Compiled) -> None:
         np.testing.assert_equal(plain.moment(text.encode()), wanted)
 
     check()
+
+
+@pytest.mark.parametrize("year", [1, 1970, 2015, 2020, 2026, 9998])
+def test_weeks_are_those_of_python(year: int, readings: Compiled) -> None:
+    """Weeks of a year and their days, in both spellings, and none where there is no such week or day."""
+    for week in (0, 1, 9, 52, 53, 54):
+        for day in ("", "-1", "-7", "-8", "3", "-3T10:11+01:00"):
+            for text in (f"{year:04}-W{week:02}{day}", f"{year:04}W{week:02}{day}"):
+                try:
+                    wanted = parse_time(text)
+                except ValueError:
+                    wanted = math.nan
+                np.testing.assert_equal(readings["plain"].moment(text.encode()), wanted, text)
 
 
 @pytest.mark.parametrize(

@@ -406,3 +406,14 @@ def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytes
     named = {word for row in page.splitlines() if row[:1] == "|" for word in re.findall(r"`(\w+)`", row.split("|")[1])}
     own = {item.name for item in fmu_variables(graph_of("tank"), parts_of("tank").spec) if "." not in item.name}
     assert own - named == set(told_names(graph_of("tank")))
+
+
+def test_a_file_that_is_no_fmu_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What holds something else is refused and stays; an FMU is written anew."""
+    model, path = str(EXAMPLES / "rc" / "model.yaml"), tmp_path / "notes.fmu"
+    path.write_text("what nobody has elsewhere")
+    assert main(["generate", model, "--fmu", "3", "-o", str(path)]) == 2
+    assert capsys.readouterr().err.startswith(f"{path}: this file is no FMU, and it stays as it is.")
+    assert path.read_text() == "what nobody has elsewhere"
+    path.write_bytes(archive_of("dc_motor", 3))
+    assert main(["generate", model, "--fmu", "3", "-o", str(path)]) == 0

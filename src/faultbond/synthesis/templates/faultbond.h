@@ -25,7 +25,8 @@
 #define FB_ALIGNED _Alignas(64)
 #endif
 
-/* The order of inputs, readings and parameters, all in SI (percent stays percent). */
+/* The order of inputs, readings and parameters, all in SI (percent stays percent): temperatures in K, also of columns that a
+   recording has in degC. */
 {{input_order}}
 {{sensor_order}}
 {{parameter_order}}
