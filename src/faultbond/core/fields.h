@@ -29,6 +29,7 @@ typedef struct {
 #define FRACTION(name) FIELD(name, 0.0, 1.0, 0, 0, 0)
 #define WHOLE(name, least, most) FIELD(name, least, most, 1, 0, 0)
 #define COUNT(name) WHOLE(name, 0.0, LARGEST_COUNT)
+#define COUNTED(name) FIELD(name, 0.0, LARGEST_COUNT, 0, 0, 0)
 #define NUMBER(name) WHOLE(name, -1.0, LARGEST_COUNT)             /* of a sample; -1: none */
 #define FLAG(name) WHOLE(name, 0.0, 1.0)
 
@@ -38,7 +39,11 @@ static const Field FIELDS[] = {
     NUMBER(clock.accepted), COUNT(clock.silent), FLAG(clock.quiet), COUNT(clock.outside), POSITIVE(clock.doubt), POSITIVE(clock.pause), FINITE(clock.time),
     MISSING(inputs.held), MISSING(inputs.earlier), REACHING(inputs.lowest), REACHING(inputs.highest),
     ENDLESS(inputs.leap), POSITIVE(inputs.guessed), FRACTION(inputs.habit), ENDLESS(inputs.since_step),
-    ANYTHING(inputs.change), FIELD(inputs.true_for, -1.0, INFINITY, 0, 0, 1), ANYTHING(inputs.trends), POSITIVE(inputs.rough), MISSING(inputs.inside), MISSING(inputs.odd), NUMBER(inputs.odd_since), ANYTHING(inputs.rival), FINITE(inputs.gain),
+    ANYTHING(inputs.change), FIELD(inputs.true_for, -1.0, INFINITY, 0, 0, 1), ANYTHING(inputs.trends), POSITIVE(inputs.rough),
+#if N_NOISY > 0
+    COUNTED(inputs.still), COUNTED(inputs.stood), COUNTED(inputs.turns), FIELD(inputs.way, -1.0, 1.0, 0, 0, 0),
+#endif
+    MISSING(inputs.inside), MISSING(inputs.odd), NUMBER(inputs.odd_since), ANYTHING(inputs.rival), FINITE(inputs.gain),
     REACHING(sensors.shown), POSITIVE(sensors.spent), POSITIVE(sensors.nis), FINITE(sensors.mean), POSITIVE(sensors.run), POSITIVE(sensors.cusum),
     FIELD(sensors.cusum_start, -1.0, LARGEST_COUNT, 0, 0, 0), POSITIVE(sensors.fast), POSITIVE(sensors.scatter),
     FIELD(sensors.scatter_start, -1.0, LARGEST_COUNT, 0, 0, 0), MISSING(sensors.before),

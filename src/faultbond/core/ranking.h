@@ -5,12 +5,14 @@
    Automatic Control 10 (1965).
 
    Of n samples since the alarm likelihoods count as of n / (1 + n / AS_MANY), see `share_of_evidence`; and by how much of what
-   they say lies within the ranges of their suspects, see fault_range.h. */
+   they say lies within the ranges of their suspects, see fault_range.h. Records of inputs that have stopped speak for a stuck meter,
+   see stopped.h. */
 #ifndef FB_RANKING_H
 #define FB_RANKING_H
 
 #include "fault_range.h"
 #include "given.h"
+#include "stopped.h"
 
 #define SELDOM 1e-6          /* least probability that counts */
 #define UNSAID 1e-12         /* probability that changes no sum */
@@ -129,7 +131,7 @@ static void score_all(const State *state, int out, Ranking *ranking)
             total = log_add(total, kinds[kind]);
             if (kinds[kind] > kinds[ranking->leading[k]]) ranking->leading[k] = kind;
         }
-        ranking->score[k] = total - COST[k];
+        ranking->score[k] = total - COST[k] + log_of_records(state, k);
     }
     for (int64_t lane = 0; lane < N_LANES; lane++) {
         const int64_t k = hypothesis_of(bank, lane);

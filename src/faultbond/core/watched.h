@@ -32,6 +32,12 @@ typedef struct {
     real true_for[FB_ROOM(N_CONDITIONS)]; /* s since each condition became true again; -1: it is not, inf: it has settled */
     real trends[FB_ROOM(N_SMOOTH)][TRENDS][TREND_NUMBERS]; /* what follows records that scatter, see smooth.h, */
     real rough[FB_ROOM(N_SMOOTH)];      /* and the variance of what is left of their noise, in that; 0: not told yet */
+#if N_NOISY > 0
+    real still[N_NOISY];                /* of records that scatter: samples up to this one for which each has been the same, */
+    real stood[N_NOISY];                /* the most of these up to the alarm, */
+    real turns[N_NOISY];                /* how often it turned back until then, */
+    real way[N_NOISY];                  /* and where it moved last: 1 up, -1 down; 0: it has not moved yet */
+#endif
     real inside[FB_ROOM(N_INPUTS)];     /* where the model does not hold: last values for which it did; nan: none */
     whole odd_since;                    /* sample at which the first of these was refused */
     real rival[PLAIN_NUMBERS];          /* the healthy filter as it is if they are real, */

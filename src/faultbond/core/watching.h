@@ -91,6 +91,24 @@ static inline void learn_inputs(Inputs *inputs, const Sample *sample, flag gap, 
     }
 }
 
+#if N_NOISY > 0
+/* What is known of records that scatter: how long each has been the same to the last digit, and for how long at most, and how
+   often it turned back, up to the alarm. What is not told stays the same. */
+static inline void learn_records(const Clock *clock, const Sample *sample, Inputs *inputs)
+{
+    const flag healthy = clock->alarm < 0;
+    for (int k = 0; k < N_NOISY; k++) {
+        const real moved = inputs->held[NOISY[k]] - inputs->earlier[NOISY[k]], way = PICK(moved > 0.0, SAME(1.0), SAME(-1.0));
+        const flag goes = is_finite(sample->u[NOISY[k]]) & (moved != 0.0);
+        const flag turns = healthy & goes & (way * inputs->way[k] < 0.0);
+        inputs->stood[k] = PICK(healthy & goes, greater(inputs->stood[k], inputs->still[k]), inputs->stood[k]);
+        inputs->turns[k] = PICK(turns, inputs->turns[k] + 1.0, inputs->turns[k]);
+        inputs->way[k] = PICK(goes, way, inputs->way[k]);
+        inputs->still[k] = PICK(goes, SAME(0.0), inputs->still[k] + 1.0);
+    }
+}
+#endif
+
 /* Whether an input that reaches sensor j directly is still settling after a step, or not known. */
 static inline flag is_blanked(const Inputs *inputs, const Sample *sample, int j)
 {
@@ -161,6 +179,9 @@ static inline real pack_values(const Sample *sample, int first, const Sensors *s
         packed[SAMPLE_FRESH + k] = sample->fresh[k];
     }
     kick(inputs, dt, packed + SAMPLE_KICK);
+#if N_NOISY > 0
+    learn_records(clock, sample, inputs);
+#endif
     return gap_before(clock, dt, NOT(has_value(sample)));
 }
 

@@ -1,0 +1,55 @@
+/* Records that have stopped. A meter that scatters, and shows the same to the last digit from one moment on, has stuck. No
+   likelihood knows: it takes what is recorded of an input for given, and asks only what the plant makes of it.
+
+   Of a record that turned back n times before the alarm, and was the same for h samples at most, h is where one of n stretches
+   is longest. If their lengths fall off as exp(-l t), that is n exp(-l h) = 1, and one of t samples is to be expected
+   n exp(-l t) = n^(1 - t/h) times. So much likelier than by chance is it where the meter has stuck. Source: Gumbel, Statistics of
+   Extremes, 1958, section 1.2 (the largest of n exponential numbers). */
+#ifndef FB_STOPPED_H
+#define FB_STOPPED_H
+
+#include "moving.h"
+
+FB_SELDOM
+
+#define TURNS 100         /* that a record has to show before it is known how it scatters, */
+#define SELDOM_TURNS 8.0  /* and samples to each of them, at most: a command goes to a place and stays there */
+#define STOPPED_NATS 15.0 /* what a record that has stopped says at most */
+
+/* How much likelier, in logarithm, a record is if its meter has stuck; only what stopped before the alarm can tell of it. One that
+   stands at the end of where it has been may have come to a stop there: a valve that is open, a motor at rest. */
+static double log_stopped(const State *state, int64_t input)
+{
+#if N_NOISY > 0
+    const Inputs *inputs = &state->inputs;
+    for (int k = 0; k < N_NOISY; k++) {
+        if (NOISY[k] != input || inputs->turns[k] < TURNS) continue;
+        const double held = inputs->held[input], most = fmax(inputs->stood[k], 1.0);
+        if ((double)state->clock.index - inputs->still[k] > SELDOM_TURNS * inputs->turns[k]) return 0.0;
+        if (inputs->still[k] < (double)(state->clock.index - state->clock.alarm)) return 0.0;
+        if (!(held > inputs->lowest[input] && held < inputs->highest[input])) return 0.0;
+        return fmin(fmax((inputs->still[k] / most - 1.0) * log(inputs->turns[k]), 0.0), STOPPED_NATS);
+    }
+#endif
+    (void)state, (void)input;
+    return 0.0;
+}
+
+/* The input of a hypothesis of one instrument; -1: it has none. */
+static int64_t input_of(int64_t hypothesis)
+{
+    for (int64_t lane = 0; hypothesis >= 0 && lane < N_SLOT_LANES; lane++)
+        if (SLOT_HYPOTHESIS[lane] == hypothesis) return SLOT_INPUT[lane];
+    return -1;
+}
+
+/* The same of a hypothesis: what the records of its inputs say for it. */
+static double log_of_records(const State *state, int64_t hypothesis)
+{
+    const int64_t one = input_of(instrument_of(hypothesis)), two = input_of(second_instrument_of(hypothesis));
+    return (one < 0 ? 0.0 : log_stopped(state, one)) + (two < 0 ? 0.0 : log_stopped(state, two));
+}
+
+FB_OFTEN
+
+#endif

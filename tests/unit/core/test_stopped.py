@@ -1,0 +1,133 @@
+"""Records of inputs that have stopped: what is learned of them, and what they say for a stuck meter."""
+
+from math import log
+
+import numpy as np
+import pytest
+
+from bare_core import CELL, Bare, bare
+from faultbond.arrays import FloatArray
+from faultbond.contract.core_settings import core_settings
+from faultbond.synthesis.compile import find_compiler
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+SETTINGS = core_settings()
+TURNS, MOST = SETTINGS["TURNS"], SETTINGS["STOPPED_NATS"]
+NOISY = CELL.replace("W: {unit: A}", "W: {unit: A, noise: 0.01 A}")
+W = 1  # of the inputs V, W
+CALLS = """
+static Ranking ranking;
+void t_take(State *state, const Sample *sample)
+{
+    double packed[N_SAMPLE];
+    pack_sample(state, sample, &state->clock, &state->inputs, state->healthy.astray, packed);
+    state->clock.index++;
+}
+void t_says(State *state, double *found)
+{
+    for (int64_t k = 0; k < N_HYPOTHESES; k++) found[k] = log_of_records(state, k);
+}
+void t_score(State *state, double *found)
+{
+    score_all(state, OUT_NONE, &ranking);
+    memcpy(found, ranking.score, sizeof ranking.score);
+}
+"""
+
+
+def watched(record: FloatArray) -> Bare:
+    """A core that has seen these values of W, (n,), and no alarm."""
+    core = bare(CALLS, NOISY)
+    core["clock.alarm"], core["inputs.held"], core["inputs.earlier"] = -1, np.nan, np.nan
+    core["inputs.lowest"], core["inputs.highest"], core["sensors.nis"] = np.inf, -np.inf, 1.0
+    see(core, record)
+    return core
+
+
+def see(core: Bare, record: FloatArray) -> None:
+    """Go on with these values of W; nan: it is not told."""
+    for value in record:
+        core.call("t_take", np.array([0.0, 0.5, 2.0, value, 0.1, 1.0, 0.0, 0.0]))
+
+
+def said(core: Bare) -> float:
+    """What the record of W says for its meter; for all others it says nothing."""
+    found = np.zeros(len(core.spec.hypotheses) + len(core.spec.instruments))
+    core.call("t_says", found)
+    at = len(core.spec.hypotheses) + next(
+        k for k, item in enumerate(core.spec.instruments) if not item.is_output and item.index == W
+    )
+    others = np.delete(found, at)
+    assert not others.any()
+    return float(found[at])
+
+
+def scattering(n: int = 1000, quantum: float = 0.01) -> FloatArray:
+    """Readings of a meter that scatters."""
+    return np.round(np.random.default_rng(4).normal(0.5, 0.01, n) / quantum) * quantum
+
+
+def test_of_a_record_that_scatters_its_stretches_and_its_turns_are_counted() -> None:
+    core = watched(np.array([1.0, 1.0, 2.0, 3.0, 3.0, 3.0, 3.0, 2.0, 2.0, np.nan, np.nan, 2.0, 4.0]))
+    assert core["inputs.stood"][0] == 4  # 2, and what is not told, 2
+    assert core["inputs.turns"][0] == 2
+    assert core["inputs.still"][0] == 0
+    see(core, np.array([4.0, 4.0]))
+    assert core["inputs.still"][0] == 2
+    core["clock.alarm"] = core["clock.index"].copy()
+    see(core, np.array([4.0] * 10 + [3.0, 4.0]))
+    assert core["inputs.stood"][0] == 4  # after the alarm nothing is learned
+    assert core["inputs.turns"][0] == 2
+
+
+def test_a_record_that_stopped_before_the_alarm_says_how_seldom_it_stands_for_so_long() -> None:
+    core = watched(scattering())
+    see(core, np.full(2, 0.5))
+    longest, turns = core["inputs.stood"][0], core["inputs.turns"][0]
+    assert turns >= TURNS
+    core["clock.alarm"] = core["clock.index"].copy()
+    core["inputs.still"] = 1.5 * longest
+    assert said(core) == pytest.approx(0.5 * log(turns))
+    core["inputs.still"] = longest
+    assert said(core) == 0.0
+    core["inputs.still"] = 100 * longest
+    assert said(core) == MOST
+
+
+def test_what_stops_only_after_the_alarm_or_at_an_end_or_is_a_command_says_nothing() -> None:
+    core = watched(scattering())
+    core["clock.alarm"] = core["clock.index"].copy()
+    see(core, np.full(300, 0.5))
+    core["inputs.still"] = 299
+    assert said(core) == 0.0
+    core["inputs.still"] = 300
+    assert said(core) == MOST
+    core["inputs.held"][W] = core["inputs.highest"][W]
+    assert said(core) == 0.0
+    core["inputs.held"][W] = 0.5
+    core["inputs.turns"] = TURNS - 1
+    assert said(core) == 0.0
+
+
+def test_a_command_that_stands_longer_than_before_says_nothing() -> None:
+    steps = np.random.default_rng(5).uniform(0.2, 0.8, 300)
+    core = watched(np.concatenate([[0.1, 0.9], np.repeat(steps, 10), np.full(500, 0.5)]))
+    core["clock.alarm"] = core["clock.index"].copy()
+    assert core["inputs.turns"][0] >= TURNS
+    assert core["inputs.stood"][0] == 9
+    assert said(core) == 0.0
+
+
+def test_the_score_of_a_set_has_what_its_records_say() -> None:
+    core = watched(scattering())
+    core["clock.alarm"] = core["clock.index"].copy()
+    n = len(core.spec.hypotheses) + len(core.spec.instruments)
+    scores = []
+    for still in (1.0, 400.0):
+        core["inputs.still"] = still
+        found = np.zeros(n)
+        core.call("t_score", found)
+        scores.append(found)
+    gained = scores[1] - scores[0]
+    assert np.count_nonzero(gained) == 1
+    assert gained.max() == pytest.approx(MOST)
