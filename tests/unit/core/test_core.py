@@ -21,7 +21,7 @@ from faultbond.equations.step import build_step_model
 from faultbond.io.cache import loadable
 from faultbond.model.text import load_model, parse_model
 from faultbond.simulate import Fault
-from faultbond.synthesis.compile import ZIG, ZIG_FLAGS, compile_core, required_compiler
+from faultbond.synthesis.compile import TIDY, ZIG, ZIG_FLAGS, compile_core, required_compiler
 from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.model_text import core_text, model_text
 from faultbond.synthesis.specify import build_spec
@@ -88,7 +88,7 @@ def test_every_width_and_language_has_the_same_digits(
     recording, found = write_recording(tmp_path / "recording", made(name, 600, FAULTS[name])), []
     for language, width in (("gcc", 1), *others):
         out = tmp_path / f"{language}{width}"
-        flags = ("-Og", "-march=native", "-ffp-contract=off", f"-DFB_LANES={width}")
+        flags = ("-Og", TIDY, "-march=native", "-ffp-contract=off", f"-DFB_LANES={width}")
         command = [word.replace("std=c", "std=gnu") for word in LANGUAGES[language]]
         said = ran(program(name, tmp_path, command, *flags), "whole", recording, out)
         alarms, diagnoses, decisions = map(int, said.split())
