@@ -8,10 +8,11 @@ import pytest
 
 from driven import SANITIZERS, made, program, ran, write_recording
 from faultbond.simulate import Fault
+from faultbond.synthesis.compile import TIDY
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
 
-GCC = ("gcc", "-x", "c", "-std=gnu99", "-Og", "-march=native")  # with -O1 and -g sanitizers take thrice as long
+GCC = ("gcc", "-x", "c", "-std=gnu99", "-Og", TIDY, "-march=native")  # with -O1 and -g sanitizers take thrice as long
 FAULTS = {
     "tank": Fault(parameter="K1", factor=3.0, start=230.0),
     "reserve": Fault(parameter="K", factor=0.6, start=4.0),

@@ -18,7 +18,7 @@ from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
-from faultbond.synthesis.compile import CORE, ZIG, ZIG_FLAGS, required_compiler
+from faultbond.synthesis.compile import CORE, TIDY, ZIG, ZIG_FLAGS, required_compiler
 from faultbond.synthesis.model_text import core_text
 from faultbond.synthesis.specify import build_spec
 
@@ -40,9 +40,9 @@ slow_error: {first.f: 1 % over 20 s}
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
 PARTLY = (  # a test takes a part of all; gcc guesses at -O0, and clang does not know of what
     *("-Wno-unused-function", "-Wno-unused-const-variable", "-Wno-psabi"),
-    *("-Wno-stringop-overread", "-Wno-unknown-warning-option"),
+    *("-Wno-stringop-overread", "-Wno-unknown-warning-option", "-Wno-ignored-optimization-argument"),
 )
-FLAGS = ("-Og", "-march=native", "-ffp-contract=off", *WARNINGS, *PARTLY, "-shared", "-fPIC", f"-I{CORE}")
+FLAGS = ("-Og", TIDY, "-march=native", "-ffp-contract=off", *WARNINGS, *PARTLY, "-shared", "-fPIC", f"-I{CORE}")
 IN_C, IN_CPP = ("-x", "c", "-std=c99"), ("-x", "c++", "-std=c++17")
 # Of the core's own calls those that tests use; the others are static here, so that what only they need is not compiled.
 OFFERED = ("fb_init", "fb_field", "fb_lane", "fb_restore", "fb_state_size", "fb_work_size")
@@ -58,7 +58,7 @@ def compiled(text: str, *options: str, offered: tuple[str, ...] = OFFERED) -> ct
     """
     compiler = required_compiler()
     language = () if "-x" in options else IN_C
-    more = (*ZIG_FLAGS, "-fno-sanitize=all") if compiler == ZIG else ()
+    more = ZIG_FLAGS if compiler == ZIG else ()
     if compiler != ZIG and "c++" in options:
         compiler = ("g++",)
     with TemporaryDirectory() as folder:

@@ -1,6 +1,7 @@
 """Made-up recordings of the built-in plants, and runs of the monitor over them, for tests."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -44,11 +45,18 @@ def plant(name: str) -> tuple[BondGraph, EngineSpec, Core]:
     return graph_of(name), spec_of(name), build_core(build_plant(graph_of(name)), spec_of(name))
 
 
+@contextmanager
+def in_full() -> Iterator[None]:
+    """What is built meanwhile is optimised as that of users: for tests that run a core for long."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("FAULTBOND_HASTY", "0")
+        yield
+
+
 @cache
 def plant_in_full(name: str) -> tuple[BondGraph, EngineSpec, Core]:
     """The same, its core optimised as that of users: for tests that diagnose for long it pays, by 2.5 times."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("FAULTBOND_HASTY", "0")
+    with in_full():
         return graph_of(name), spec_of(name), build_core(build_plant(graph_of(name)), spec_of(name))
 
 

@@ -23,7 +23,10 @@ FLAGS = ("-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-st
 # What runs for every lane and sample; what takes longer to compile than it saves. Only in the bank sums are contracted:
 # the healthy filter gives the same digits alone and in a fleet.
 FAST, SAME = ("-O3",), ("-O3", "-ffp-contract=off")
-QUICK = ("-O1", "-ffp-contract=off")
+# Unless asked for this, gcc below -O2 leaves wide registers half in use when it calls `exp` and the like, which then
+# take ten times as long.
+TIDY = "-fexpensive-optimizations"
+QUICK = ("-O1", TIDY, "-ffp-contract=off")
 WARM = ("-O2",)
 SHARED = (
     "-std=c99",
@@ -35,11 +38,12 @@ SHARED = (
     "-w",
 )
 # All in a third of the time; what runs seldom is most of the text, and is not optimised at all.
-HASTY = {WARM: ("-O1",), FAST: ("-O1",), SAME: QUICK, QUICK: ("-O0", "-ffp-contract=off")}
+HASTY = {WARM: ("-O1",), FAST: ("-O1", TIDY), SAME: QUICK, QUICK: ("-O0", "-ffp-contract=off")}
 FLEETS = "#define FB_FLEETS\n"
 CORE = files("faultbond").joinpath("core")
 # Zig would first build a library for what a processor lacks (4 s, 47 MB); one of 64 bits lacks nothing that is used.
-ZIG_FLAGS = ("-rtlib=none",) if sys.maxsize > 2**32 else ()
+# Where nothing is optimised it would watch for what is undefined, which needs a part of that library, and takes long.
+ZIG_FLAGS = (*(("-rtlib=none",) if sys.maxsize > 2**32 else ()), "-fno-sanitize=all")
 ZIG = (sys.executable, "-m", "ziglang", "cc")
 TO_INSTALL = (
     "Install gcc or clang (Debian, Ubuntu: `apt install gcc libc6-dev`), "

@@ -9,18 +9,19 @@ from bare_core import CELL, Bare, bare
 from faultbond.arrays import FloatArray
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.lanes import plan_lanes
+from faultbond.contract.samples import Sample
 from faultbond.contract.slots import plan_slots
 from faultbond.model.text import parse_model
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, simulate
 from faultbond.synthesis.compile import find_compiler
 from faultbond.synthesis.engine import build_engine
-from made import EXAMPLES, plant, recorded, run, samples_of
+from made import EXAMPLES, plant_in_full, recorded, run, samples_of
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 BEGINNING, RENEWING, RENEWING_ALL = 1, 2, 3
 NAME, FAULT = "dc_motor_current", Fault(parameter="K", factor=0.6, start=2.4)
-SAMPLES = recorded(NAME, 460, FAULT)
+ROWS = 460
 SETTINGS = core_settings()
 AWAITED, SPREAD = int(SETTINGS["AWAITED"]), int(SETTINGS["SPREAD"])
 RENEWALS = [int(SETTINGS[f"{name}_RENEWAL"]) for name in ("FIRST", "SECOND", "LAST")]
@@ -35,16 +36,23 @@ void t_portion(State *state, double *found)
 """
 
 
+def samples() -> tuple[Sample, ...]:
+    """Samples of the motor, with a fault."""
+    return recorded(NAME, ROWS, FAULT)
+
+
 @cache
 def whole() -> tuple[Monitor, ...]:
     """The motor before each sample and after the last; not to be changed."""
-    found, core = [Monitor(plant(NAME)[2])], plant(NAME)[2]
-    for sample in SAMPLES:
+    found, core = [Monitor(plant_in_full(NAME)[2])], plant_in_full(NAME)[2]
+    for sample in samples():
         found.append(run(core, [sample], found[-1])[0])
     return tuple(found)
 
 
-ALARM = next(k for k, monitor in enumerate(whole()) if monitor.number("clock.alarm") >= 0)  # samples up to it
+def alarm() -> int:
+    """Samples up to the alarm."""
+    return next(k for k, monitor in enumerate(whole()) if monitor.number("clock.alarm") >= 0)
 
 
 def lanes(monitor: Monitor) -> list[FloatArray]:
@@ -72,39 +80,39 @@ def test_work_takes_the_way_from_the_alarm_to_the_last_renewal() -> None:
     """Lanes begin at the alarm and again three times, not before it is time, each within the samples that are kept."""
     found = spells(whole())
     assert [item[0] for item in found] == [BEGINNING, RENEWING, RENEWING, RENEWING_ALL]
-    assert found[0][1] == ALARM
-    assert 1 < found[0][2] - ALARM <= AWAITED
+    assert found[0][1] == alarm()
+    assert 1 < found[0][2] - alarm() <= AWAITED
     for (_, begun, ended), earliest in zip(found[1:], RENEWALS, strict=True):
-        assert begun - ALARM >= earliest
+        assert begun - alarm() >= earliest
         assert 1 < ended - begun <= SPREAD
     for (_, _, ended), (_, begun, _), earliest in zip(found, found[1:], RENEWALS, strict=False):
-        assert begun == max(ended + 1, ALARM + earliest)
+        assert begun == max(ended + 1, alarm() + earliest)
 
 
 def test_the_first_diagnosis_comes_when_all_lanes_have_begun() -> None:
     """And none before it; then at every twentieth sample after the alarm."""
-    _, reports = run(plant(NAME)[2], SAMPLES)
+    _, reports = run(plant_in_full(NAME)[2], samples())
     due = [k + 1 for k, report in enumerate(reports) if report.diagnosis is not None]
     _, _, ended = spells(whole())[0]
-    assert due == [ended, *(k for k in range(ALARM + 20, len(SAMPLES) + 1, 20) if k > ended)]
+    assert due == [ended, *(k for k in range(alarm() + 20, ROWS + 1, 20) if k > ended)]
 
 
 @pytest.mark.parametrize("later", [0, 1, 4])
 def test_portions_change_nothing_but_when_it_ends(later: int) -> None:
     """Where a diagnosis is asked for while lanes begin, these are, bit for bit, those that are spread over samples."""
     _, _, ended = spells(whole())[0]
-    monitor = whole()[ALARM + later].copy()
+    monitor = whole()[alarm() + later].copy()
     assert kind(monitor) == BEGINNING
     assert monitor.conclude().candidates
     assert kind(monitor) == 0
-    assert monitor.number("job.settled") == ALARM + later - 1
-    monitor, _ = run(monitor.core, SAMPLES[ALARM + later : ended], monitor)
-    assert ended - ALARM < RENEWALS[0]
-    for k in range(ended, ALARM + RENEWALS[0]):
+    assert monitor.number("job.settled") == alarm() + later - 1
+    monitor, _ = run(monitor.core, samples()[alarm() + later : ended], monitor)
+    assert ended - alarm() < RENEWALS[0]
+    for k in range(ended, alarm() + RENEWALS[0]):
         for one, two in zip(lanes(monitor), lanes(whole()[k]), strict=True):
             assert np.array_equal(one, two, equal_nan=True)
         assert np.array_equal(monitor.numbers("bank.onset"), whole()[k].numbers("bank.onset"))
-        monitor, _ = run(monitor.core, SAMPLES[k : k + 1], monitor)
+        monitor, _ = run(monitor.core, samples()[k : k + 1], monitor)
 
 
 @cache
@@ -153,9 +161,9 @@ def resumed(monitor: Monitor) -> Monitor:
 
 def test_work_that_is_saved_and_restored_goes_on_as_if_never_stopped() -> None:
     """At each sample of every kind of work, to the last byte; after the last renewal too."""
-    stopped, kinds = whole()[ALARM - 1], set[int]()
-    for k in range(ALARM - 1, len(SAMPLES)):
-        stopped, _ = run(stopped.core, SAMPLES[k : k + 1], resumed(stopped))
+    stopped, kinds = whole()[alarm() - 1], set[int]()
+    for k in range(alarm() - 1, ROWS):
+        stopped, _ = run(stopped.core, samples()[k : k + 1], resumed(stopped))
         assert np.array_equal(stopped.save(), whole()[k + 1].save())
         kinds.add(kind(stopped))
     assert kinds == {0, BEGINNING, RENEWING, RENEWING_ALL}

@@ -13,7 +13,7 @@ from faultbond.contract.slots import plan_slots
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault
 from faultbond.types import FaultKind
-from made import EXAMPLES, plant, recorded, run, spec_of, stepped
+from made import EXAMPLES, plant_in_full, recorded, run, spec_of, stepped
 
 NAME = "dc_motor_current"
 SPEC = spec_of(NAME)
@@ -51,7 +51,7 @@ void t_advance(State *state, const double *packed)
 @cache
 def after(rows: int) -> Monitor:
     """The motor after a number of samples; not to be changed."""
-    return run(plant(NAME)[2], SAMPLES[:rows])[0]
+    return run(plant_in_full(NAME)[2], SAMPLES[:rows])[0]
 
 
 @cache
@@ -104,7 +104,7 @@ def test_a_sample_takes_all_lanes_further() -> None:
     assert packed[place["use"]].tolist() == [1.0] * n_y
     (old, _), (new, _) = sums(before), sums(monitor)
     alone = [N + k for k, lane in enumerate(PLAN.lanes[: PLAN.switched]) if lane.kind not in MOVING]
-    for core, places in ((plant(NAME)[2], list(range(N))), (plant(NAME)[2].slot, alone)):
+    for core, places in ((plant_in_full(NAME)[2], list(range(N))), (plant_in_full(NAME)[2].slot, alone)):
         found, innovations = core.advance(np.array([before.lane(k) for k in places]).T, packed[None, :])
         assert np.array_equal(found.T, np.array([monitor.lane(k) for k in places]))
         limit, drift = SPEC.thresholds.cusum_clip, SPEC.thresholds.cusum_drift
@@ -152,7 +152,7 @@ def test_where_nobody_works_on_the_bank_lanes_go_on() -> None:
         monitor, _ = stepped(monitor, SAMPLES[index])
         packed = monitor.row(index)[0].copy()
         packed[place["again"]], packed[place["bound"]] = 1.0, SPEC.thresholds.bank_bound
-        passed = plant(NAME)[2].advance(before, packed[None, :])[0].T
+        passed = plant_in_full(NAME)[2].advance(before, packed[None, :])[0].T
         same = np.array([np.array_equal(one, monitor.lane(k)) for k, one in enumerate(passed)])
         still += not same.all()
         assert same.all() or monitor.number("job.renewals") == 1

@@ -9,13 +9,15 @@ import pytest
 from faultbond.contract.couples import n_coupled, plan_couples
 from faultbond.contract.findings import Candidate
 from faultbond.contract.samples import Sample
+from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
 from faultbond.runtime.names import find_hypothesis
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.types import FaultKind
-from made import differing, graph_of, plant_in_full, run, samples_of
+from made import differing, graph_of, plant_in_full, run, samples_of, spec_of
 
-GRAPH, SPEC, CORE = plant_in_full("dc_motor_current")
+NAME = "dc_motor_current"
+SPEC = spec_of(NAME)
 ROWS, BEGINS = 700, 5.0
 SENSOR = Fault(parameter="omega.bias", value=0.6, start=BEGINS)
 COMPONENT = Fault(parameter="R", factor=1.5, start=BEGINS)
@@ -26,19 +28,24 @@ STUCK = Fault(parameter="omega.stuck", value=3.0, start=BEGINS)
 DRIFT = Fault(parameter="R", factor=1.6, start=BEGINS, end=ROWS * 0.02)
 
 
+def core() -> Core:
+    """The motor's core, which is compiled when the first test asks."""
+    return plant_in_full(NAME)[2]
+
+
 @cache
 def recording(faults: tuple[Fault, ...]) -> tuple[Sample, ...]:
     """The motor with these faults."""
     time = np.asarray(np.arange(ROWS) * 0.02, dtype=np.float64)
     voltage = random_steps(time, np.random.default_rng(6), low=2, high=12, shortest=0.5, longest=1.5)
-    made = simulate(graph_of("dc_motor_current"), Inputs(time=time, values=voltage[:, None]), faults, seed=12)
+    made = simulate(graph_of(NAME), Inputs(time=time, values=voltage[:, None]), faults, seed=12)
     return samples_of(time, made.inputs, made.outputs)
 
 
 @cache
 def ended(faults: tuple[Fault, ...]) -> Monitor:
     """The monitor at the end."""
-    return run(CORE, recording(faults))[0]
+    return run(core(), recording(faults))[0]
 
 
 def first_of(faults: tuple[Fault, ...]) -> Candidate:
@@ -91,7 +98,7 @@ def test_of_one_fault_nothing_is_made_of_two(fault: Fault) -> None:
 def test_none_is_tested_before_the_bank_is_renewed() -> None:
     """Soon after the alarm no couple has lanes, and none is a candidate; at the end as many have as can be tested."""
     alarm = int(ended((SENSOR, COMPONENT)).number("clock.alarm"))
-    begun = run(CORE, recording((SENSOR, COMPONENT))[: alarm + 25])[0]
+    begun = run(core(), recording((SENSOR, COMPONENT))[: alarm + 25])[0]
     assert np.all(begun.numbers("bank.coupled") == -1.0)
     assert {item.hypothesis for item in begun.conclude().candidates} <= set(range(SPEC.n_begun))
     coupled = ended((SENSOR, COMPONENT)).numbers("bank.coupled")
@@ -106,7 +113,7 @@ def test_none_is_tested_before_the_bank_is_renewed() -> None:
 def test_an_accepted_couple_becomes_the_healthy_model() -> None:
     """The sensor is corrected and the component keeps its new value; both are normal from then on."""
     samples, late = recording((SENSOR, COMPONENT)), ROWS - 150
-    monitor, _ = run(CORE, samples[:late])
+    monitor, _ = run(core(), samples[:late])
     best = monitor.conclude().candidates[0]
     accepted = monitor.accept(best.hypothesis)
     assert accepted.parameters == ("omega.bias", "R")
@@ -114,7 +121,7 @@ def test_an_accepted_couple_becomes_the_healthy_model() -> None:
     assert np.all(monitor.numbers("normal.offset")[1:] == 0.0)
     resistance = monitor.numbers("healthy.lane")[SPEC.parameter_slice.start]
     assert SPEC.parameters[0].scale * resistance == pytest.approx(best.suspects[1].estimate)
-    _, reports = run(CORE, samples[late:], monitor)
+    _, reports = run(core(), samples[late:], monitor)
     assert all(report.detection is None for report in reports)
 
 
@@ -122,7 +129,7 @@ def test_an_accepted_couple_becomes_the_healthy_model() -> None:
 def test_two_instruments_are_accepted_and_repaired(repaired: bool) -> None:
     """Accepted, both are corrected by their biases and no parameter has moved; repaired, both are as declared."""
     samples, late = recording((SENSOR, INPUT)), ROWS - 150
-    monitor, _ = run(CORE, samples[:late])
+    monitor, _ = run(core(), samples[:late])
     best = monitor.conclude().candidates[0]
     assert best.parameters == ("omega.bias", "V.bias")
     monitor.accept(best.hypothesis, repaired=repaired)
@@ -130,7 +137,7 @@ def test_two_instruments_are_accepted_and_repaired(repaired: bool) -> None:
     assert monitor.numbers("normal.offset") == pytest.approx([wanted[0], 0.0])
     assert monitor.numbers("normal.input_offset") == pytest.approx([wanted[1]])
     assert monitor.numbers("healthy.lane")[SPEC.parameter_slice] == pytest.approx(1.0, abs=0.05)
-    _, reports = run(CORE, samples[late:], monitor)
+    _, reports = run(core(), samples[late:], monitor)
     assert any(report.detection is not None for report in reports) is repaired
 
 
@@ -160,7 +167,7 @@ def test_couples_are_saved_too() -> None:
     """Saved and restored while couples begin, and after, the run goes on to the same end, to the last bit."""
     samples = recording((SENSOR, COMPONENT))
     stage = 5  # of the work, that of couples
-    monitor, seen = Monitor(CORE), 0
+    monitor, seen = Monitor(core()), 0
     for k, sample in enumerate(samples):
         monitor.step(sample)
         kind, at, done = (monitor.number(f"job.{name}") for name in ("kind", "stage", "pass"))
@@ -168,9 +175,9 @@ def test_couples_are_saved_too() -> None:
         if not amid and k != ROWS - 100:
             continue
         seen += amid
-        restored = Monitor(CORE, monitor.save())
+        restored = Monitor(core(), monitor.save())
         assert not differing(restored, monitor)
         if seen in {1, 3} or k == ROWS - 100:
-            again, _ = run(CORE, samples[k + 1 :], restored)
+            again, _ = run(core(), samples[k + 1 :], restored)
             assert not differing(again, ended((SENSOR, COMPONENT)))
     assert seen >= 3

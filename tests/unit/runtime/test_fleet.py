@@ -20,7 +20,7 @@ from faultbond.runtime.core import Core, load_core
 from faultbond.runtime.fleet import AssetEvent, EventKind, Fleet
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault
-from faultbond.synthesis.compile import find_compiler, required_compiler
+from faultbond.synthesis.compile import TIDY, find_compiler, required_compiler
 from faultbond.synthesis.engine import build_engine
 from plants import LAMP
 
@@ -247,6 +247,7 @@ def test_any_number_of_assets_side_by_side(width: int, tmp_path: Path) -> None:
     threads = (Path(str(CORE)) / "threads.c").read_text(encoding="utf-8")
     flags = (
         "-Og",
+        TIDY,
         "-march=native",
         "-ffp-contract=off",
         "-shared",
