@@ -129,12 +129,13 @@ def test_the_last_record() -> None:
     counts = {"samples": 9, "watched": 4, "detections": 1, "missing": 3, "late": 2, "duplicate": 1}
     more = {"untimed": 5, "unused": 6, "clock_jumps": 7, "saturated": 8, "frozen": 10, "wild": 11}
     more |= {"outside": 12, "sensors_outside": 13, "dropped": 14}
-    silent = {"name": "V_C", "role": "sensor", "values": 2, "since": 1.0, "until": None}
-    told = end_record(time=4.0, **counts, **more, silent=[Silent(**silent, samples=9)])
-    assert told == {"record": "end", "time": 4.0} | counts | more | {"silent": [silent]}
-    none = dict.fromkeys(more, 0) | {"silent": []}
-    assert end_record(time=4.0, **counts) == {"record": "end", "time": 4.0} | counts | none
-    assert end_record(time=None, **counts)["time"] is None
+    silent = Silent(name="V_C", role="sensor", values=2, samples=9, since=1.0, until=None)
+    told = end_record(time=4.0, silent=[silent], **counts, **more)
+    of_sensor = {"name": "V_C", "role": "sensor", "values": 2, "since": 1.0, "until": None}
+    assert told == {"record": "end", "time": 4.0} | counts | more | {"silent": [of_sensor]}
+    none = dict.fromkeys(more, 0)
+    assert end_record(time=4.0, silent=(), **counts) == {"record": "end", "time": 4.0} | counts | none | {"silent": []}
+    assert end_record(time=None, silent=(), **counts)["time"] is None
 
 
 def test_probabilities_of_all_tested_sets_sum_to_one() -> None:

@@ -84,7 +84,7 @@ def test_a_run_that_goes_on_heeds_what_is_decided_in_its_file(
 ) -> None:
     """A decision in the file of a running program is done at its next row, told as a record, and not written over."""
     program, state = programs("rc"), tmp_path / "state"
-    command = [program, "--state", str(state)]
+    command = [str(program), "--state", str(state)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as running:
         assert running.stdin is not None
         assert running.stdout is not None
