@@ -1,10 +1,13 @@
-/* Records that have stopped. A meter that scatters, and shows the same to the last digit from one moment on, has stuck. No
+/* Records that have stopped, or never begun. A meter that scatters, and shows the same to the last digit from one moment on, has stuck. No
    likelihood knows: it takes what is recorded of an input for given, and asks only what the plant makes of it.
 
    Of a record that turned back n times before the alarm, and was the same for h samples at most, h is where one of n stretches
    is longest. If their lengths fall off as exp(-l t), that is n exp(-l h) = 1, and one of t samples is to be expected
    n exp(-l t) = n^(1 - t/h) times. So much likelier than by chance is it where the meter has stuck. Source: Gumbel, Statistics of
-   Extremes, 1958, section 1.2 (the largest of n exponential numbers). */
+   Extremes, 1958, section 1.2 (the largest of n exponential numbers).
+
+   A sensor that has never read explains nothing. Its lanes are as likely as the healthy filter, so that where no fault fits well
+   it would come first. */
 #ifndef FB_STOPPED_H
 #define FB_STOPPED_H
 
@@ -35,19 +38,24 @@ static double log_stopped(const State *state, int64_t input)
     return 0.0;
 }
 
-/* The input of a hypothesis of one instrument; -1: it has none. */
-static int64_t input_of(int64_t hypothesis)
+/* Whether a sensor has given a value that was used. */
+static int has_read(const Sensors *sensors, int j) { return sensors->shown[0][j] <= sensors->shown[1][j]; }
+
+/* What the record of an instrument says for it, as log-likelihood; `instrument` as a hypothesis, -1: none. */
+static double log_of_record(const State *state, int64_t instrument)
 {
-    for (int64_t lane = 0; hypothesis >= 0 && lane < N_SLOT_LANES; lane++)
-        if (SLOT_HYPOTHESIS[lane] == hypothesis) return SLOT_INPUT[lane];
-    return -1;
+    for (int64_t lane = 0; instrument >= 0 && lane < N_SLOT_LANES; lane++) {
+        if (SLOT_HYPOTHESIS[lane] != instrument) continue;
+        if (SLOT_INPUT[lane] >= 0) return log_stopped(state, SLOT_INPUT[lane]);
+        return has_read(&state->sensors, SLOT_OUTPUT[lane]) ? 0.0 : -INFINITY;
+    }
+    return 0.0;
 }
 
-/* The same of a hypothesis: what the records of its inputs say for it. */
+/* The same of a hypothesis: what the records of its instruments say for it. */
 static double log_of_records(const State *state, int64_t hypothesis)
 {
-    const int64_t one = input_of(instrument_of(hypothesis)), two = input_of(second_instrument_of(hypothesis));
-    return (one < 0 ? 0.0 : log_stopped(state, one)) + (two < 0 ? 0.0 : log_stopped(state, two));
+    return log_of_record(state, instrument_of(hypothesis)) + log_of_record(state, second_instrument_of(hypothesis));
 }
 
 FB_OFTEN

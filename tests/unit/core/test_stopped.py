@@ -1,4 +1,4 @@
-"""Records of inputs that have stopped: what is learned of them, and what they say for a stuck meter."""
+"""Records that have stopped, or never begun: what is learned of them, and what they say for an instrument."""
 
 from math import log
 
@@ -40,6 +40,7 @@ def watched(record: FloatArray) -> Bare:
     core = bare(CALLS, NOISY)
     core["clock.alarm"], core["inputs.held"], core["inputs.earlier"] = -1, np.nan, np.nan
     core["inputs.lowest"], core["inputs.highest"], core["sensors.nis"] = np.inf, -np.inf, 1.0
+    core["sensors.shown"] = np.repeat([-1.0, 1.0], len(core.spec.outputs))
     see(core, record)
     return core
 
@@ -116,6 +117,16 @@ def test_a_command_that_stands_longer_than_before_says_nothing() -> None:
     assert core["inputs.turns"][0] >= TURNS
     assert core["inputs.stood"][0] == 9
     assert said(core) == 0.0
+
+
+def test_no_set_is_likely_that_blames_a_sensor_that_has_never_read() -> None:
+    core = watched(scattering())
+    core["clock.alarm"] = core["clock.index"].copy()
+    core["sensors.shown"] = np.repeat([np.inf, -np.inf], len(core.spec.outputs))
+    found = np.zeros(len(core.spec.hypotheses) + len(core.spec.instruments))
+    core.call("t_score", found)
+    blames = [False] * len(core.spec.hypotheses) + [item.is_output for item in core.spec.instruments]
+    assert np.array_equal(np.isneginf(found), blames)
 
 
 def test_the_score_of_a_set_has_what_its_records_say() -> None:
