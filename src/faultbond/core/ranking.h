@@ -16,6 +16,7 @@
 
 #define SELDOM 1e-6          /* least probability that counts */
 #define UNSAID 1e-12         /* probability that changes no sum */
+#define TIES 1048576.0       /* steps of a nat in which two of them are told apart */
 
 /* Lanes that are left out of a ranking; they count as those whose likelihood is no number. */
 enum { OUT_NONE = 0, OUT_REJECTED = 1 };
@@ -140,12 +141,19 @@ static void score_all(const State *state, int out, Ranking *ranking)
     }
 }
 
+/* Whether a hypothesis is likelier than another one. What sums of logarithms round counts as equal, so that those that look
+   alike, as two tanks of one kind, stand in the same order however the core is compiled. */
+static inline int is_likelier(const Ranking *ranking, int64_t hypothesis, int64_t other)
+{
+    return rint(ranking->score[hypothesis] * TIES) > rint(ranking->score[other] * TIES);
+}
+
 /* The best hypothesis; of those equally likely the first. */
 static int64_t leading_hypothesis(const Ranking *ranking)
 {
     int64_t best = 0;
     for (int64_t k = 1; k < N_HYPOTHESES; k++)
-        if (ranking->score[k] > ranking->score[best]) best = k;
+        if (is_likelier(ranking, k, best)) best = k;
     return best;
 }
 
@@ -157,7 +165,7 @@ static int64_t best_hypotheses(const Ranking *ranking, int64_t *order)
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
         if (!(ranking->score[k] > -INFINITY)) continue;
         int64_t at = n;
-        while (at > 0 && ranking->score[k] > ranking->score[order[at - 1]]) at--;
+        while (at > 0 && is_likelier(ranking, k, order[at - 1])) at--;
         if (at == MOST_CANDIDATES) continue;
         if (n < MOST_CANDIDATES) n++;
         for (int64_t last = n - 1; last > at; last--) order[last] = order[last - 1];
