@@ -42,9 +42,10 @@ async function begin(name, recording) {
 function heard(run, message) {
   run.take(message);
   if (!state.isChosen && run.count > 1) byId("speed").value = String(usualSpeed(run.horizon - run.time(0)));
-  if (run.count) {
-    byId("welcome").hidden = true;
-    byId("board").classList.remove("is-waiting");
+  const isRefused = Boolean(run.over) && !run.count; // nothing of the recording before it stays on the page
+  if (run.count || isRefused) {
+    byId("welcome").hidden = !isRefused;
+    byId("board").classList.toggle("is-waiting", isRefused);
   }
   if (run.over) heardLast(run);
   state.isStale = true;
@@ -132,8 +133,13 @@ function showPlayer(run, shown, isAtEnd) {
   position.style.setProperty("--ready", `${share(run.count) / 10}%`);
   const now = clockText(run.time(shown - 1));
   position.setAttribute("aria-valuetext", run.count ? now : "at the start");
-  const end = isUnix(begin) ? "" : ` of ${clockText(run.horizon)}`; // a date has no room beside another on a phone
-  byId("clock").textContent = run.count ? now + end : "reading";
+  byId("clock").textContent = run.count ? now + endText(run) : run.over ? "nothing to show" : "reading";
+}
+
+// Where the recording ends; a date has no room beside another on a phone.
+function endText(run) {
+  if (isUnix(run.time(0))) return "";
+  return run.isOpen ? ` of about ${clockText(Number(run.horizon.toPrecision(3)))}` : ` of ${clockText(run.horizon)}`;
 }
 
 // What the program does at a sample: 0 to 2 it has not begun to watch.
@@ -158,13 +164,30 @@ function showFindings(run, { detection, diagnosis, isAtEnd }) {
 // State of the verdict, what it is, and what is to be said beside it.
 function headline(run, detection, diagnosis, isAtEnd) {
   if (!run.count) return run.over ? ["open", "This recording cannot be watched.", ""] : ["ready", "Reading the recording.", ""];
+  if (isAtEnd && run.over.code === 4) return ["open", `No verdict: ${run.over.text}.`, ""];
   if (diagnosis) return ["fault", verdictSentence(diagnosis, detection), earlySentence(diagnosis, detection)];
   if (detection) return ["fault", "A fault was detected; there is no diagnosis yet.", ""];
-  if (isAtEnd && run.over.code === 0) return ["healthy", `No fault found in ${run.count} samples (${durationText(run.time(run.count - 1) - run.time(0))}).`, ""];
-  if (isAtEnd && run.over.code === 4) return ["open", `No verdict: ${run.over.text}.`, ""];
+  if (isAtEnd && run.over.code === 0) return healthyHeadline(run);
   if (isAtEnd) return ["open", "The recording could not be read to its end.", ""];
   const isWatching = phaseOf(run, state.shown) >= 3;
   return isWatching ? ["watching", "No fault so far.", ""] : ["watching", "Getting to know the plant.", `Alarms are off for the first ${withNoun(MODEL.warmUp, "sample")}.`];
+}
+
+// That no fault was found, and by which sensors, where some gave no value.
+function healthyHeadline(run) {
+  const silent = (run.end?.silent ?? []).filter((item) => item.role === "sensor");
+  const never = silent.filter((item) => !item.values).map((item) => item.name);
+  const heard = MODEL.sensors.map((item) => item.name).filter((name) => !never.includes(name));
+  const few = heard.length <= NAMED_SETS ? joined(heard) : `${heard.length} of ${MODEL.sensors.length} sensors`;
+  const span = durationText(run.time(run.count - 1) - run.time(0));
+  return [silent.length ? "partial" : "healthy", `No fault found ${never.length ? `by ${few} ` : ""}in ${run.count} samples (${span}).`, ""];
+}
+
+// When a sensor or an input was silent: always, or in its longest silence.
+function silenceText({ name, values, since, until }) {
+  if (!values) return `${name} (no value)`;
+  if (since == null) return `${name} before ${clockText(until)}`;
+  return `${name} from ${clockText(since)} ${until == null ? "on" : `to ${clockText(until)}`}`;
 }
 
 const alarmText = (detection) => `Fault detected at ${clockText(detection.time)}.`;
@@ -177,6 +200,7 @@ function factsOf(run, detection, isAtEnd) {
     facts.push(["Seen in", joined(detection.signals) || detection.walk?.parameter || "slow error"]);
   }
   if (isAtEnd && run.end) facts.push(["Samples", String(run.end.samples)], ["Recording", defectsOf(run.end) || "complete"]);
+  if (isAtEnd && run.end?.silent.length) facts.push(["Not watched", run.end.silent.map(silenceText).join("; ")]);
   return facts;
 }
 

@@ -84,12 +84,14 @@ class Run {
     return detection && found && found.at >= detection.at ? found : null;
   }
 
-  // Where the recording will end, as far as that is known.
+  // Whether it is not known yet where the recording will end.
+  get isOpen() { return !this.over && !(MODEL.recording && this.name === MODEL.recording.name); }
+
+  // Where it will end, as far as that is known.
   get horizon() {
     const begin = this.time(0), now = this.time(this.count - 1);
     if (this.over || !this.share) return now;
-    const known = MODEL.recording && this.name === MODEL.recording.name ? MODEL.recording.end : -Infinity;
-    return Math.max(now, known, begin + (now - begin) / this.share);
+    return Math.max(now, this.isOpen ? begin + (now - begin) / this.share : MODEL.recording.end);
   }
 }
 

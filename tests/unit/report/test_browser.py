@@ -41,7 +41,9 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     rough = [line.replace(",", "; ") for line in faulty]
     rough[400:420], rough[600], rough[601] = [], rough[601], rough[600]
     rough[700] = rough[700].rsplit(";", 1)[0] + ";"
+    deaf = [healthy[0], *(line.rsplit(",", 1)[0] + "," for line in healthy[1:])]
     texts = {"healthy": healthy, "faulty": faulty, "rough": ["\ufeff" + rough[0], *rough[1:]]}
+    texts |= {"deaf": deaf, "short": healthy[:100]}
     for name, lines in texts.items():
         (folder / f"{name}.csv").write_text("\r\n".join(lines) + "\r\n", encoding="utf-8", newline="")
     return {name: folder / f"{name}.csv" for name in texts}
@@ -179,7 +181,7 @@ def test_a_narrow_screen_is_not_left(page: Any, recordings: dict[str, Path]) -> 
     assert page.evaluate("document.documentElement.scrollWidth") == 360
 
 
-def test_a_bad_recording_is_refused_in_the_words_of_run(page: Any, tmp_path: Path) -> None:
+def test_a_bad_recording_is_refused_in_the_words_of_run(page: Any, recordings: dict[str, Path], tmp_path: Path) -> None:
     """A column that is absent and a decimal comma are told with the name of the file and the line."""
     cases = {
         "without.csv": ("time,u_in,u_out,pressure\n1,2,3,4\n", "without.csv: no column 'flow' (sensor flow)"),
@@ -190,16 +192,29 @@ def test_a_bad_recording_is_refused_in_the_words_of_run(page: Any, tmp_path: Pat
         "empty.csv": ("", "empty.csv: it is empty."),
     }
     page.select_option("#speed", "Infinity")
+    play(page, recordings["short"])
+    assert page.is_visible("#sensors")
     for name, (text, told) in cases.items():
         (tmp_path / name).write_text(text)
         page.set_input_files("#file", str(tmp_path / name))
         page.wait_for_selector(f"#problem:has-text('{name}')")
         assert page.inner_text("#problem").startswith(told)
         assert page.inner_text("#headline") == "This recording cannot be watched."
+        assert page.inner_text("#clock") == "nothing to show"
+        assert page.is_visible("#welcome")
+        assert not page.is_visible("#sensors")  # those of the recording before
         out = io.StringIO()
         with redirect_stderr(out):
             assert main(["run", str(TANK / "model.yaml"), str(tmp_path / name)]) == 2
         assert page.inner_text("#problem").split(name)[1] in out.getvalue()
+
+
+def test_a_sensor_that_never_reads_is_told(page: Any, recordings: dict[str, Path]) -> None:
+    """The plant is called healthy for what was watched only."""
+    play(page, recordings["deaf"])
+    assert page.inner_text("#headline").startswith(f"No fault found by flow in {ROWS} samples")
+    assert "pressure (no value)" in page.inner_text("#facts")
+    assert "partial" in (page.get_attribute("#verdict", "class") or "")
 
 
 def test_the_same_model_gives_the_same_bytes(page_file: Path, recordings: dict[str, Path], tmp_path: Path) -> None:
