@@ -115,6 +115,8 @@ def test_a_folder_of_somebody_is_left_alone(project: Path, tmp_path: Path, capsy
     [
         (["-o", "{folder}/no/plant"], "there is no folder"),
         (["-o", "{folder}/file"], "this is a file"),
+        (["-o", "{folder}/plant.fmu"], "plant.fmu: a folder is written here. For an FMU say which version"),
+        (["-o", "{folder}/plant.html"], "plant.html: a folder is written here. For a page in a browser say --web."),
         (["-o", "{folder}/plant", "--web"], "plant: a page is one file. Name one that ends in .html"),
         (["-o", "{folder}/plant.html", "--web", "--target", "native"], "--target: --web writes a page"),
         (["-o", "{folder}/plant.html", "--web", "--recording", "{folder}/no.csv"], "no.csv: cannot be read"),

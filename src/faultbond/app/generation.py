@@ -129,8 +129,10 @@ def check_folder(output: Path) -> None:
     Raises
     ------
     FaultbondError
-        Where it does, or is a file, or is called as an FMU.
+        Where it does, or is a file, or is called as an FMU or a page.
     """
+    if output.suffix.lower() in (".html", ".htm"):
+        raise FaultbondError(f"{output}: a folder is written here. For a page in a browser say --web.")
     if output.suffix == ".fmu":
         raise FaultbondError(f"{output}: a folder is written here. For an FMU say which version: --fmu 2 or --fmu 3.")
     if not output.exists():
