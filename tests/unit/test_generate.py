@@ -14,8 +14,9 @@ from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.errors import GenerationError
 from faultbond.model.text import load_model, parse_model
+from faultbond.synthesis.c_files import FLEETS
+from faultbond.synthesis.extent import count_lanes, watch_only, with_lanes
 from faultbond.synthesis.model_text import model_text
-from faultbond.synthesis.project import FLEETS, count_lanes, watch_only, with_lanes
 from faultbond.synthesis.readable import readable_model
 from faultbond.synthesis.specify import build_spec
 from faultbond.types import TARGETS
@@ -125,6 +126,10 @@ def test_a_folder_of_somebody_is_left_alone(project: Path, tmp_path: Path, capsy
             "--recording: only a page, --web, has a recording inside",
         ),
         (["-o", "{folder}/plant", "--target", "pdp11"], "--target pdp11: no such target; one of native, x86_64"),
+        *(
+            (["-o", "{folder}/" + name, "--watch-only", "--lanes-at-most", "300", *more], "--watch-only has no filters")
+            for name, more in {"plant": [], "plant.html": ["--web"], "plant.fmu": ["--fmu", "3"]}.items()
+        ),
         (["-o", "{folder}/plant", "--lanes-at-most", "3"], "the single faults of RC circuit, with"),
     ],
 )

@@ -43,8 +43,6 @@ def generated_page(
     """
     if output.suffix not in ENDINGS:
         raise FaultbondError(f"{output}: a page is one file. Name one that ends in {ENDINGS[0]}.")
-    if watch_only and lanes_at_most is not None:
-        raise FaultbondError("--watch-only has no filters for hypotheses: give it, or --lanes-at-most.")
     graph = load_model(model)
     check_has_time(graph)
     played = _beside(graph) if recording is None else _read(recording, graph)

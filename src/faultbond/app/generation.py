@@ -49,8 +49,6 @@ def generated(model: ModelFile, *, output: Path, target: str, lanes_at_most: int
     FaultbondError
         Where the folder holds something else.
     """
-    if watch_only and lanes_at_most is not None:
-        raise FaultbondError("--watch-only has no filters for hypotheses: give it, or --lanes-at-most.")
     graph = load_model(model)
     check_has_time(graph)
     check_folder(output)
@@ -59,16 +57,13 @@ def generated(model: ModelFile, *, output: Path, target: str, lanes_at_most: int
     from faultbond.equations.step import build_step_model  # noqa: PLC0415 - loads casadi
     from faultbond.synthesis import project  # noqa: PLC0415 - loads casadi
     from faultbond.synthesis.engine import build_core  # noqa: PLC0415 - loads casadi
+    from faultbond.synthesis.extent import count_lanes, narrowed  # noqa: PLC0415 - needed here alone
     from faultbond.synthesis.model_text import model_text  # noqa: PLC0415 - loads casadi
     from faultbond.synthesis.specify import build_spec  # noqa: PLC0415 - loads casadi
 
     plant = build_plant(graph)
     step_model = build_step_model(plant)
-    spec = build_spec(step_model)
-    if watch_only:
-        spec = project.watch_only(spec)
-    if lanes_at_most is not None:
-        spec = project.with_lanes(spec, lanes_at_most)
+    spec = narrowed(build_spec(step_model), lanes_at_most=lanes_at_most, alarms_only=watch_only)
     core = build_core(plant, spec)
     test = self_test(graph, step_model, core)
     files = project.project_files(
@@ -84,7 +79,7 @@ def generated(model: ModelFile, *, output: Path, target: str, lanes_at_most: int
         )
     )
     write_folder(output, files)
-    lanes = project.count_lanes(spec)
+    lanes = count_lanes(spec)
     fault = f"a fault of {test.fault}" if test.fault else "a healthy plant"
     return Generated(
         record={

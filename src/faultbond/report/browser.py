@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from importlib import resources
 from math import isfinite
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.spec import EngineSpec
 from faultbond.io.recording import Column, columns_of
@@ -22,6 +20,7 @@ from faultbond.report.drawing import STRONGEST, draw, graph_title
 from faultbond.report.html import STATIC
 from faultbond.report.numbers import Notation, unit_text
 from faultbond.report.suspects import UNDETERMINED_SHARE, instrument_title, owner_title, unit_of, with_article
+from faultbond.report.template import page_template
 from faultbond.report.verdict import step_text
 from faultbond.types import FaultKind
 
@@ -54,17 +53,9 @@ def render_browser_page(
     strokes : node at which the causal stroke of each bond stands, by bond index
     recording : that can be played without dropping one; None: there is none
     """
-    environment = Environment(
-        loader=PackageLoader("faultbond", "browser"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
-    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False, "ensure_ascii": False}
     columns = columns_of(graph)
     header = [columns.time.column] if columns.time.column else []
-    return environment.get_template("page.html.j2").render(
+    return page_template("browser", "page.html.j2").render(
         name=graph.name,
         version=spec.version,
         columns=[(item.header, _column_unit(item), item.role) for item in columns.needed(header)],

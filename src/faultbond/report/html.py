@@ -4,8 +4,6 @@ import re
 from collections.abc import Mapping
 from importlib import resources
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from faultbond.contract.findings import Diagnosis, History
 from faultbond.model.graph import BondGraph
 from faultbond.report.chart import ChartSection, payload
@@ -13,6 +11,7 @@ from faultbond.report.drawing import STRONGEST, draw, graph_title
 from faultbond.report.numbers import NO_BREAK, TIMES, Notation, clock_text, duration_text, probability_text
 from faultbond.report.run_figures import chart_sections
 from faultbond.report.suspects import instrument_title
+from faultbond.report.template import page_template
 from faultbond.report.verdict import RunCounts, RunView, decided_text, fault_probabilities, view_of
 
 SHOWN = 0.005  # instruments less likely at fault have no number
@@ -82,16 +81,8 @@ def render_page(
     data : what the page's script draws
     told : all else that the template names
     """
-    environment = Environment(
-        loader=PackageLoader("faultbond.report", "."),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
-    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False, "ensure_ascii": False}
     static = {path.name: path.read_text(encoding="utf-8") for path in STATIC.iterdir() if path.is_file()}
-    return environment.get_template(template).render(
+    return page_template("report", template).render(
         sections=sections,
         data=data,
         style=static["uPlot.min.css"] + static["report.css"],

@@ -25,7 +25,7 @@ from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text,
 from faultbond.report.suspects import owner_title
 from faultbond.report.together import together_texts
 from faultbond.report.verdict import step_text, unfalsifiable_text
-from faultbond.synthesis.project import count_lanes
+from faultbond.synthesis.extent import count_lanes
 from faultbond.synthesis.specify import PROCESS_NOISE
 from faultbond.types import CheckKind, TimeGrid
 

@@ -4,18 +4,17 @@ Its face stands in `faultbond/browser/page.c`; it needs nothing of the machine, 
 nothing. The same model, version and compiler give the same bytes.
 """
 
-from importlib.resources import files
-
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.io.recording import columns_of
 from faultbond.model.graph import BondGraph
+from faultbond.synthesis.c_files import FLEETS, sources_of
 from faultbond.synthesis.columns_text import columns_text
 from faultbond.synthesis.compile import compile_wasm
+from faultbond.synthesis.extent import narrowed
 from faultbond.synthesis.model_text import model_text
 from faultbond.synthesis.names_text import names_text
-from faultbond.synthesis.project import FLEETS, watch_only, with_lanes
 from faultbond.synthesis.specify import build_spec
 
 COMPILED = ("page.c", "memory.c")
@@ -23,7 +22,7 @@ _FOLDERS = {
     "browser": "",
     "core": "core/",
     "program": "program/",
-}  # of the package, and what their files are called here
+}  # what their files begin with here
 _NOT_NEEDED = (*FLEETS, "main.c")
 
 
@@ -44,22 +43,13 @@ def browser_module(
         Where there is no zig, or it fails.
     """
     plant = build_plant(graph)
-    spec = build_spec(build_step_model(plant))
-    if alarms_only:
-        spec = watch_only(spec)
-    if lanes_at_most is not None:
-        spec = with_lanes(spec, lanes_at_most)
-    texts = _sources()
+    spec = narrowed(build_spec(build_step_model(plant)), lanes_at_most=lanes_at_most, alarms_only=alarms_only)
+    texts = {
+        prefix + name: text
+        for folder, prefix in _FOLDERS.items()
+        for name, text in sources_of(folder).items()
+        if name not in _NOT_NEEDED
+    }
     texts["model.h"] = model_text(spec, build_step_model(plant, all_inputs=True))
     texts["columns.h"], texts["names.h"] = columns_text(spec, columns_of(graph)), names_text(spec)
     return spec, compile_wasm(texts, COMPILED)
-
-
-def _sources() -> dict[str, str]:
-    """Give the files of C that are the same for all models, by their paths."""
-    return {
-        prefix + item.name: item.read_text(encoding="utf-8")
-        for folder, prefix in _FOLDERS.items()
-        for item in sorted(files("faultbond").joinpath(folder).iterdir(), key=lambda item: item.name)
-        if item.name[-2:] in (".c", ".h") and item.name not in _NOT_NEEDED
-    }

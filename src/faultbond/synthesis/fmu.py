@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from html import escape
-from importlib.resources import files
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from faultbond.contract.spec import EngineSpec
@@ -20,11 +19,12 @@ from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.errors import ModelError
 from faultbond.model.graph import BondGraph
+from faultbond.synthesis.c_files import FLEETS, sources_of
 from faultbond.synthesis.compile import compile_shared, required_compiler
+from faultbond.synthesis.extent import narrowed
 from faultbond.synthesis.fmu_description import FmuTitle, build_description, model_description, unit_name
 from faultbond.synthesis.fmu_variables import Variable, fmu_variables, variables_header
 from faultbond.synthesis.model_text import model_text
-from faultbond.synthesis.project import FLEETS, watch_only, with_lanes
 from faultbond.synthesis.readable import readable_model
 from faultbond.synthesis.specify import build_spec
 from faultbond.types import TimeGrid
@@ -71,11 +71,7 @@ def fmu_parts(graph: BondGraph, *, lanes_at_most: int | None = None, alarms_only
     """
     check_fits(graph)
     plant = build_plant(graph)
-    spec = build_spec(build_step_model(plant))
-    if alarms_only:
-        spec = watch_only(spec)
-    if lanes_at_most is not None:
-        spec = with_lanes(spec, lanes_at_most)
+    spec = narrowed(build_spec(build_step_model(plant)), lanes_at_most=lanes_at_most, alarms_only=alarms_only)
     return FmuParts(graph=graph, spec=spec, model=model_text(spec, build_step_model(plant, all_inputs=True)))
 
 
@@ -145,8 +141,10 @@ def fmu_sources(fmi: int, parts: FmuParts) -> dict[str, str]:
     ModelError
         Where an input or a sensor has the name of another variable.
     """
-    found = {name: text for name, text in _folder("core").items() if name not in NOT_NEEDED}
-    found |= {name: text for name, text in _folder("fmu").items() if name.partition(".")[0] in ("watcher", f"fmi{fmi}")}
+    found = {name: text for name, text in sources_of("core").items() if name not in NOT_NEEDED}
+    found |= {
+        name: text for name, text in sources_of("fmu").items() if name.partition(".")[0] in ("watcher", f"fmi{fmi}")
+    }
     found["model.h"] = readable_model(parts.model, parts.spec, parts.graph)
     found["variables.h"] = variables_header(parts.graph, parts.spec, fmu_title(parts).token)
     return found
@@ -181,13 +179,6 @@ def _identifier(name: str) -> str:
     """Give a name as one of C."""
     word = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")
     return word if word[:1].isalpha() else f"model_{word}".rstrip("_")
-
-
-def _folder(name: str) -> dict[str, str]:
-    """Give the C files of a folder of the package, by name in order."""
-    place = files("faultbond").joinpath(name)
-    texts = {item.name: item.read_text(encoding="utf-8") for item in place.iterdir() if item.name[-2:] in (".c", ".h")}
-    return dict(sorted(texts.items()))
 
 
 def fmu_platform(fmi: int) -> tuple[str, str]:

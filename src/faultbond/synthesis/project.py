@@ -7,27 +7,23 @@ in double braces there is put in here.
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.resources import files
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.couples import PER_COUPLE, n_coupled
-from faultbond.contract.lanes import plan_lanes
-from faultbond.contract.reserve import PER_SET, n_grown
-from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import EngineSpec
-from faultbond.errors import GenerationError, plain
+from faultbond.errors import plain
 from faultbond.io.recording import columns_of
 from faultbond.model.graph import BondGraph
 from faultbond.model.parser import number_text, to_text
+from faultbond.synthesis.c_files import FLEETS, sources_of
 from faultbond.synthesis.columns_text import columns_text
+from faultbond.synthesis.extent import count_lanes
 from faultbond.synthesis.names_text import names_text
 from faultbond.synthesis.readable import enumeration, in_comment, laws_of, readable_model, tested
 from faultbond.synthesis.samples_text import samples_text
 from faultbond.types import TARGETS
 
-FLEETS = ("alone.h", "fleet.c", "fleet.h", "threads.c")  # files of the core that only fleets need
-_WITH_CORE = "plant.c"  # a program without the library has the core in this text of its
 _HOLE = re.compile(r"\{\{(\w+)\}\}")
 
 
@@ -61,68 +57,14 @@ def project_files(parts: ProjectParts) -> dict[str, str]:
     found = {name: _filled(name, holes) for name in own}
     found["model.h"] = readable_model(parts.model, parts.spec, parts.graph)
     found["columns.h"], found["names.h"] = columns_text(parts.spec, columns_of(parts.graph)), names_text(parts.spec)
-    found |= {f"core/{name}": text for name, text in _folder("core").items() if name not in FLEETS}
-    found |= {f"program/{name}": text for name, text in _folder("program").items() if name != _WITH_CORE}
+    found |= {f"core/{name}": text for name, text in sources_of("core").items() if name not in FLEETS}
+    found |= {f"program/{name}": text for name, text in sources_of("program").items()}
     found["program/memory.c"] = _filled("memory.c", holes)
-    found |= {f"board/{name}": text for name, text in _folder("board").items()}
+    found |= {f"board/{name}": text for name, text in sources_of("board").items()}
     found["check/samples.h"] = samples_text(parts.samples, parts.records)
     found |= {f"check/{name}": _filled(name, holes) for name in ("compare.c", "wasi.mjs")}
     found["check/recording.csv"], found["check/expected.jsonl"] = parts.recording, parts.records
     return dict(sorted(found.items()))
-
-
-def watch_only(spec: EngineSpec) -> EngineSpec:
-    """Give a specification that raises alarms and names no fault."""
-    outputs = tuple(replace(item, suspect=False) for item in spec.outputs)
-    inputs = tuple(replace(item, suspect=False) for item in spec.inputs)
-    return replace(spec, hypotheses=(), reserve=(), coupled=False, outputs=outputs, inputs=inputs)
-
-
-def count_lanes(spec: EngineSpec) -> int:
-    """Give how many filters test the hypotheses after an alarm."""
-    return (
-        plan_lanes(spec).n_lanes
-        + PER_SET * n_grown(spec)
-        + plan_slots(spec).n_lanes
-        + PER_COUPLE * sum(n_coupled(spec))
-    )
-
-
-def with_lanes(spec: EngineSpec, most: int) -> EngineSpec:
-    """Give a specification that tests no more than fits in so many lanes, the sets of the lowest cost first.
-
-    Single faults come first, then pairs and larger sets in order. What does not fit waits in reserve, with the few
-    lanes that this takes, and what is said tells how likely it is that the fault is among it. Two faults of different
-    kinds are tested only where all fit.
-
-    Raises
-    ------
-    GenerationError
-        Where there is no room for the single faults.
-    """
-    if count_lanes(spec) <= most:
-        return spec
-    sets = sorted(spec.hypotheses, key=len)  # keeps their order where they are as large
-    least = len(sets[0]) if sets else 0
-    low, high = sum(len(chosen) == least for chosen in sets), len(sets)
-
-    def of(count: int) -> EngineSpec:
-        waiting = (*sets[count:], *spec.reserve)
-        return replace(spec, hypotheses=tuple(sets[:count]), reserve=waiting, coupled=False)
-
-    needed = count_lanes(of(low))
-    if needed > most:
-        raise GenerationError(
-            f"--lanes-at-most {most}: the single faults of {spec.model}, with the likeliest of the others, need "
-            f"{needed} lanes; give {needed} or more, or --watch-only"
-        )
-    while low < high:
-        middle = (low + high + 1) // 2
-        if count_lanes(of(middle)) <= most:
-            low = middle
-        else:
-            high = middle - 1
-    return of(low)
 
 
 def _suspects(parts: ProjectParts) -> str:
@@ -135,12 +77,6 @@ def _suspects(parts: ProjectParts) -> str:
             if i.suspect
         ),
     )
-
-
-def _folder(name: str) -> dict[str, str]:
-    """Give the files of C in a folder of the package, by name."""
-    items = sorted(files("faultbond").joinpath(name).iterdir(), key=lambda item: item.name)
-    return {item.name: item.read_text(encoding="utf-8") for item in items if item.name.endswith((".h", ".c", ".ld"))}
 
 
 def _filled(name: str, holes: Mapping[str, str]) -> str:
@@ -192,7 +128,7 @@ def _holes(parts: ProjectParts) -> dict[str, str]:
 
 def _sizes(model: str) -> str:
     """Give the definitions of `model.h` that `core/found.h` needs, and the kinds of fault."""
-    used = set(re.findall(r"\w+", _folder("core")["found.h"]))
+    used = set(re.findall(r"\w+", sources_of("core")["found.h"]))
     found = re.finditer(r"^#define (\w+) .*$", model[: model.index("#include")], re.MULTILINE)
     return "\n".join(item[0] for item in found if item[1] in used or item[1].startswith(("KIND_", "CHECK_")))
 

@@ -1,7 +1,7 @@
 """How many filters run after an alarm, as `check` and `generate` count them."""
 
 from faultbond.app.model_check import understood
-from faultbond.synthesis.project import count_lanes
+from faultbond.synthesis.extent import count_lanes
 from made import EXAMPLES, spec_of
 
 
