@@ -64,7 +64,10 @@ def test_it_sees_what_an_input_was_while_the_monitor_waited() -> None:
     """An input that goes far for the first time is believed once readings tell; filters beside know it from then on."""
     graph, step = parse_model(CELL), 0.5
     voltage = np.r_[np.repeat([2.0, 1.0] * 5, 10), np.full(60, 300.0)]
-    inputs = Inputs(time=step * np.arange(len(voltage)), values=np.stack([voltage, np.full_like(voltage, 0.1)], axis=1))
+    time = np.arange(len(voltage), dtype=np.float64) * step
+    inputs = Inputs(
+        time=np.asarray(time, dtype=np.float64), values=np.stack([voltage, np.full_like(voltage, 0.1)], axis=1)
+    )
     made = simulate(graph, inputs, seed=3, start={"cell.q": 1.0})
     core = build_engine(graph)[1]
     points = [
