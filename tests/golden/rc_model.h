@@ -68,11 +68,13 @@
 #define WARM_UP_SAMPLES 20
 #define HISTORY_SAMPLES 330
 #define MOST_NOISES 5
+#define INPUT_CHANGE 0.5
+#define OUTPUT_CHANGE 300.0
 #define MAX_CANDIDATES 100
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0xfbc34598c32de9ecULL, 0x98333890a4c60ae0ULL, 0x7648eca5802a9710ULL, 0x41d86386407e5d55ULL};
+static const uint64_t MODEL_HASH[] = {0x56454868c5377f94ULL, 0x6aec3700638892d5ULL, 0x798538369c115537ULL, 0xd13e5c3316786e6aULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -148,8 +150,10 @@ static const double INPUT_NOISE[] = {0.1};
 static const double INPUT_SETTLING[] = {0.0};
 static const double INPUT_STEP[] = {0.6000000000000001};
 static const double INPUT_STEP_PART[] = {0.01};
+static const double INPUT_HEALTHY_BIAS[] = {0.0};
 static const int INPUT_RANGED[] = {0};
 static const double OUTPUT_NOISE[] = {0.1};
+static const double OUTPUT_HEALTHY_BIAS[] = {0.0};
 static const int OUTPUT_RANGED[] = {0};
 static const int DIRECT_ROW[] = {0, 0};
 static const int DIRECT_INPUT[] = {0};

@@ -6,7 +6,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray, IntArray
 from faultbond.contract.lanes import LanePlan
-from faultbond.contract.slots import SlotPlan
+from faultbond.contract.slots import SlotPlan, with_slot
 from faultbond.contract.spec import EngineSpec, covariance_place, pack, unpack
 
 
@@ -39,16 +39,6 @@ def shared(spec: EngineSpec) -> IntArray:
     return np.concatenate([np.arange(wide.slot_slice.start), np.arange(wide.slot_slice.stop, wide.n_joint)])
 
 
-def widened(spec: EngineSpec, lane: FloatArray) -> FloatArray:
-    """A lane (n_numbers,) as one with an empty slot; its roles are zero."""
-    wide, own = spec.slotted, shared(spec)
-    found, full = np.zeros(wide.n_numbers), np.zeros((wide.n_joint, wide.n_joint))
-    found[own] = lane[: spec.n_joint]
-    full[np.ix_(own, own)] = unpack(spec, lane[spec.covariance_slice])
-    found[wide.covariance_slice], found[wide.loop_slice] = pack(full), lane[spec.loop_slice]
-    return found
-
-
 def slot_lanes(
     spec: EngineSpec,
     plan: SlotPlan,
@@ -60,7 +50,7 @@ def slot_lanes(
 ) -> FloatArray:
     """Chosen lanes of a plan, (n_numbers, n); `peak`, `inputs` (n_inputs,): sizes of inputs, and what they are."""
     wide, dt = spec.slotted, spec.sample_time or 1.0
-    lanes = np.repeat(widened(spec, healthy)[:, None], len(chosen), axis=1)
+    lanes = np.repeat(with_slot(spec, healthy)[:, None], len(chosen), axis=1)
     lanes[wide.loop_slice.stop : -1] = plan.roles[:, list(chosen)]
     size, rate = wide.slot_slice.start, wide.slot_slice.start + 1
     for column, index in enumerate(chosen):

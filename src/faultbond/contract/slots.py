@@ -14,7 +14,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray, IntArray
 from faultbond.contract.lanes import starts_of
-from faultbond.contract.spec import EngineSpec, ParameterSpec
+from faultbond.contract.spec import EngineSpec, ParameterSpec, pack, unpack
 from faultbond.types import FaultKind
 
 DRIFTING, SWITCHING = log(0.5), log(0.2)  # prior weights of a drift, and of a fault that comes and goes, beside a step
@@ -126,6 +126,17 @@ def plan_slots(spec: EngineSpec) -> SlotPlan:
         ramped=len(from_onset),
         switched=len(from_onset) + len(ramped),
     )
+
+
+def with_slot(spec: EngineSpec, lane: FloatArray) -> FloatArray:
+    """Give a lane (n_numbers,) as one with an empty slot, of `spec.slotted`; its roles are zero."""
+    wide = spec.slotted
+    own = np.concatenate([np.arange(wide.slot_slice.start), np.arange(wide.slot_slice.stop, wide.n_joint)])
+    found, full = np.zeros(wide.n_numbers), np.zeros((wide.n_joint, wide.n_joint))
+    found[own] = lane[: spec.n_joint]
+    full[np.ix_(own, own)] = unpack(spec, lane[spec.covariance_slice])
+    found[wide.covariance_slice], found[wide.loop_slice] = pack(full), lane[spec.loop_slice]
+    return found
 
 
 def _first_drifts(lanes: Sequence[SlotLane]) -> list[SlotLane]:

@@ -91,6 +91,7 @@ class InputSpec:
     ranged: bool = False  # whether the model states what it can be, so that nothing else is called wild
     linear: bool = False  # whether it goes linearly from sample to sample, and is not held
     smooth: bool = False  # whether its noise is that of the record, and what acts is smooth
+    healthy_bias: float = 0.0  # by which it seems to be off on healthy data, SI; 0: not known
 
     @property
     def percent(self) -> bool:
@@ -113,6 +114,7 @@ class OutputSpec:
     condition: int = -1  # under which it reads as stated, among `EngineSpec.settlings`; -1: always
     lag_state: int = -1  # the state by which it lags; -1: it does not
     growth: float = 0.0  # of the noise, in that of a reading of 0, per SI of what is expected
+    healthy_bias: float = 0.0  # as of an input
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

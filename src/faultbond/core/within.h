@@ -1,6 +1,6 @@
 /* What lies within the declared accuracy. That of a parameter says what is not known of it, so a change of less than that is
    no fault: a healthy parameter may move by half its accuracy (sd) where the model leaves something out, and by what is found
-   of it on healthy data, if that is more.
+   of it on healthy data, if that is more. A sensor or input may be off by the bias that is found of it there.
 
    Each hypothesis says of its suspects that they are at fault. Of what it says, the part for which the change of a suspect is
    that of a healthy parameter goes to the hypothesis without it; where none is left, to none at all. Both are taken to be as
@@ -67,47 +67,77 @@ static Off off_beside(const State *state, int64_t lane, const Suspect *suspects,
     return off;
 }
 
-/* Log-odds that the change of suspect i of n of a lane is that of a healthy parameter; -inf of an instrument. Before a first
-   diagnosis was accepted the change counts from the nominal value too, whichever is farther. */
+/* Log-odds that something is off by what a healthy one may be, and not by what a faulty one may be; sds, and a variance of it. */
+static double odds_healthy(double off, double healthy, double faulty, double variance)
+{
+    const double most = fmax(faulty, healthy);
+    return log_density(off, healthy * healthy + variance) - log_density(off, most * most + variance);
+}
+
+/* Log-odds that the bias of a sensor or an input is that of a healthy one; -inf where none was found on healthy data, and of
+   what is no bias. */
+static double odds_unbiased(const State *state, const Suspect *suspect)
+{
+    const int k = (int)suspect->input, j = (int)suspect->output;
+    const double healthy = k >= 0 ? INPUT_HEALTHY_BIAS[k] : OUTPUT_HEALTHY_BIAS[j];
+    if (suspect->word != WORD_BIAS || !(healthy > 0.0)) return -INFINITY;
+    const double faulty = k >= 0 ? INPUT_CHANGE * peak_of(&state->inputs, k) : OUTPUT_CHANGE * OUTPUT_NOISE[j];
+    return odds_healthy(fabs(suspect->estimate), healthy, faulty, suspect->sd * suspect->sd);
+}
+
+/* Log-odds that the change of suspect i of n of a lane is that of a healthy one. Before a first diagnosis was accepted the change
+   of a parameter counts from the nominal value too, whichever is farther. */
 static double odds_within(const State *state, int64_t lane, const Suspect *suspects, int64_t n, int64_t i, Given *given)
 {
     const Suspect *suspect = &suspects[i];
     const int k = (int)suspect->parameter;
-    if (k < 0 || !(ACCURACY[k] > 0.0) || !isfinite(suspect->estimate) || !isfinite(suspect->sd)) return -INFINITY;
+    if (!isfinite(suspect->estimate) || !isfinite(suspect->sd)) return -INFINITY;
+    if (k < 0) return odds_unbiased(state, suspect);
+    if (!(ACCURACY[k] > 0.0)) return -INFINITY;
     const double value = suspect->estimate / SCALE[k], sd = suspect->sd / SCALE[k];
     Off is = {value - state->bank.healthy[AT_PARAMETERS + k], value - HEALTHY[k], sd * sd, ACCURACY[k]};
     if (is_tied(k)) is = off_beside(state, lane, suspects, n, i, is, given);
     const double off = state->clock.accepted < 0 ? fmax(fabs(is.since), fabs(is.from_nominal)) : fabs(is.since);
-    const double healthy = fmax(MOVES_BY * is.accuracy, HEALTHY_CHANGE[k]), faulty = fmax(CHANGE[k], healthy);
-    return log_density(off, healthy * healthy + is.variance) - log_density(off, faulty * faulty + is.variance);
+    return odds_healthy(off, fmax(MOVES_BY * is.accuracy, HEALTHY_CHANGE[k]), CHANGE[k], is.variance);
 }
 
-/* Whether the suspects of a hypothesis are those of another one, `whole`, that are kept. */
-static int is_rest_of(int64_t hypothesis, int64_t whole, const Suspect *suspects, int64_t n, unsigned kept)
+/* The hypothesis that a sensor or an input is at fault by itself; -1: there is none. */
+static int64_t alone_at_fault(const Suspect *suspect)
+{
+    for (int64_t lane = 0; lane < N_SLOT_LANES; lane++)
+        if (SLOT_PARAMETER[lane] < 0 && SLOT_INPUT[lane] == suspect->input && SLOT_OUTPUT[lane] == suspect->output)
+            return SLOT_HYPOTHESIS[lane];
+    return -1;
+}
+
+/* Whether the suspects of a hypothesis are those of another one that are kept. */
+static int is_rest_of(int64_t hypothesis, const Suspect *suspects, int64_t n, unsigned kept)
 {
     const int *members;
     const int n_members = members_of(hypothesis, &members);
-    int64_t instrument = -1;
-    int n_kept = 0;
+    const int64_t one = instrument_of(hypothesis), other = second_instrument_of(hypothesis);
+    int n_kept = 0, n_instruments = (one >= 0) + (other >= 0);
     for (int64_t i = 0; i < n; i++) {
         int is_member = 0;
         if (!(kept >> i & 1u)) continue;
         if (suspects[i].parameter < 0) {
-            instrument = instrument_of(whole);
+            const int64_t alone = alone_at_fault(&suspects[i]);
+            if (alone < 0 || (alone != one && alone != other)) return 0;
+            n_instruments--;
             continue;
         }
         for (int m = 0; m < n_members; m++) is_member |= members[m] == suspects[i].parameter;
         if (!is_member) return 0;
         n_kept++;
     }
-    return n_kept == n_members && instrument_of(hypothesis) == instrument;
+    return n_kept == n_members && n_instruments == 0;
 }
 
 /* The tested hypothesis of the suspects that are kept of another one; that one where there is none. */
 static int64_t rest_of(const Ranking *ranking, int64_t whole, const Suspect *suspects, int64_t n, unsigned kept)
 {
     for (int64_t k = 0; k < N_HYPOTHESES; k++)
-        if (ranking->best[k] >= 0 && is_rest_of(k, whole, suspects, n, kept)) return k;
+        if (ranking->best[k] >= 0 && is_rest_of(k, suspects, n, kept)) return k;
     return whole;
 }
 

@@ -1,8 +1,8 @@
-"""How far parameters seem to change on healthy data, since no model is exact.
+"""How far parameters seem to change, and instruments to be off, on healthy data, since no model is exact.
 
 After an alarm a suspect is let free, and found anew from the samples that follow. The same is done here while the
-plant is healthy: window by window each parameter is let free by itself. What it is found off by, beyond what its
-variance allows, is what the model gets wrong; a fault must change it by more.
+plant is healthy: window by window each parameter, and the bias of each sensor and input, is let free by itself. What it
+is found off by, beyond what its variance allows, is what the model gets wrong; a fault must change it by more.
 
 Source: test and size are those of Cochran, Biometrics 10 (1954) 101, and of Paule and Mandel, J. Research of the
 National Bureau of Standards 87 (1982) 377.
@@ -16,10 +16,12 @@ from scipy.stats import chi2
 
 from faultbond.arrays import FloatArray
 from faultbond.contract.core_settings import core_settings
+from faultbond.contract.slots import plan_slots, with_slot
 from faultbond.contract.spec import EngineSpec, covariance_place, pack, unpack
 from faultbond.fit.innovations import Taken, take_recording
 from faultbond.fit.samples import HealthyRecording
 from faultbond.runtime.core import Core
+from faultbond.types import FaultKind
 
 PARTS = (0.25, 0.5, 1.0)  # lengths of windows, in the samples that tell as much as ever so many do
 LEAST_WINDOWS = 4  # in all recordings; of fewer nothing is said
@@ -45,7 +47,8 @@ def healthy_changes(
 ) -> dict[str, float]:
     """Give the standard deviation by which each suspect seems to change while healthy, SI; none of too few samples.
 
-    That of the windows of which it is the largest counts, since a value is told after any of them.
+    Of sensors and inputs that of their bias. That of the windows of which it is the largest counts, since a value is
+    told after any of them.
 
     Parameters
     ----------
@@ -68,11 +71,10 @@ def _over_windows(core: Core, recordings: Sequence[Taken], believed: Believed, l
     if not found:
         return {}
     off, variance = (np.array(part) for part in zip(*found, strict=True))
-    suspects = [core.spec.parameters[k] for k in _suspects(core.spec)]
     known = np.isfinite(off) & (variance > 0.0)
     return {
-        item.name: abs(item.scale) * spread_beyond(off[known[:, k], k], variance[known[:, k], k])
-        for k, item in enumerate(suspects)
+        name: scale * spread_beyond(off[known[:, k], k], variance[known[:, k], k])
+        for k, (name, scale) in enumerate(_scales(core.spec))
         if known[:, k].sum() >= LEAST_WINDOWS
     }
 
@@ -96,22 +98,55 @@ def _suspects(spec: EngineSpec) -> list[int]:
     return [k for k, item in enumerate(spec.parameters) if item.suspect]
 
 
+def _scales(spec: EngineSpec) -> list[tuple[str, float]]:
+    """Give names and SI scales of what is let free: parameters, then sensors and inputs."""
+    parameters = [(spec.parameters[k].name, abs(spec.parameters[k].scale)) for k in _suspects(spec)]
+    return parameters + [(item.name, 1.0) for item in spec.instruments]
+
+
 def _windows(core: Core, taken: Taken, believed: Believed, length: int) -> list[tuple[FloatArray, FloatArray]]:
-    """Give what suspects are found off by in each window of a recording, in factors, and its variance, alike."""
+    """Give what suspects are found off by in each window of a recording, in their scales, and its variance, alike."""
     spec, suspects, rows = core.spec, _suspects(core.spec), taken.rows.copy()
-    if not suspects or len(rows) < length + spec.thresholds.warm_up_samples:
+    if not (suspects or spec.instruments) or len(rows) < length + spec.thresholds.warm_up_samples:
         return []
     rows[:, spec.sample_fields["scale"]] *= [believed.noise.get(item.name, 1.0) ** 2 for item in spec.outputs]
     known = _known(core, believed)
     lane, place, found = core.healthy_lane(*core.solve_start(rows[: taken.started], known), known), 0, []
-    usual = known[spec.parameter_slice, 0]
+    usual, peak = known[spec.parameter_slice, 0], np.abs(rows[:, spec.sample_fields["u"]]).max(axis=0)
     for first in range(spec.thresholds.warm_up_samples, len(rows) - length + 1, length):
         lane, place = core.advance(lane, rows[place:first])[0], first
-        ends = core.advance(_freed(spec, lane[:, 0], suspects), _relinearised(spec, rows[first : first + length]))[0]
+        window = _relinearised(spec, rows[first : first + length])
+        ends = core.advance(_freed(spec, lane[:, 0], suspects), window)[0]
         columns = range(len(suspects))
         at = [spec.parameter_slice.start + k for k in suspects]
-        found.append((ends[at, columns] - usual[suspects], ends[[covariance_place(spec, k, k) for k in at], columns]))
+        own = ends[[covariance_place(spec, k, k) for k in at], columns]
+        bias, variance = _biases(core, lane[:, 0], window, peak)
+        found.append((np.r_[ends[at, columns] - usual[suspects], bias], np.r_[own, variance]))
     return found
+
+
+def _biases(core: Core, healthy: FloatArray, window: FloatArray, peak: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Give the bias of each instrument over a window, (n_instruments,), SI, and its variance.
+
+    healthy : lane before it, (n_numbers,); peak : largest size of each input, (n_inputs,), SI
+    """
+    spec, wide, plan = core.spec, core.spec.slotted, plan_slots(core.spec)
+    size, chosen = wide.slot_slice.start, list[int]()
+    own = covariance_place(wide, size, size)
+    for hypothesis in range(len(spec.hypotheses), spec.n_begun):
+        biases = [
+            k for k, item in enumerate(plan.lanes) if (item.hypothesis, item.kind) == (hypothesis, FaultKind.BIAS)
+        ]
+        chosen.append(max(biases, key=lambda k: plan.lanes[k].size_sd))
+    if not chosen:
+        return np.zeros(0), np.zeros(0)
+    units = [peak[item.index] if not item.is_output else 1.0 for item in spec.instruments]
+    scales = [1.0 if not item.is_output else spec.outputs[item.index].noise for item in spec.instruments]
+    lanes = np.repeat(with_slot(spec, healthy)[:, None], len(chosen), axis=1)
+    lanes[wide.loop_slice.stop : -1] = plan.roles[:, chosen]
+    lanes[own] = [(plan.lanes[k].size_sd * unit) ** 2 for k, unit in zip(chosen, units, strict=True)]
+    ends = core.slot.advance(lanes, window)[0]
+    return ends[size] * scales, ends[own] * np.square(scales)
 
 
 def _known(core: Core, believed: Believed) -> FloatArray:

@@ -109,11 +109,12 @@ class ModelBuilder:
         unknown: str | None = None,
         usual: Scalar | None = None,
         suspect: bool | None = None,
+        healthy_bias: Scalar | None = None,
     ) -> Self:
         """Add a measured or commanded input, or one that nobody measures: `unknown`."""
         fields: Fields = {"unit": unit, "column": column, "noise": noise, "settling": settling, "hold": hold}
         fields = {**fields, "noise_of": noise_of, "lag": lag, "range": range, "unknown": unknown, "usual": usual}
-        return self._add("inputs", name, {**fields, "suspect": suspect})
+        return self._add("inputs", name, {**fields, "suspect": suspect, "healthy_bias": healthy_bias})
 
     def component(
         self,
@@ -162,10 +163,12 @@ class ModelBuilder:
         range: Scalar | Sequence[Scalar] | None = None,
         suspect: bool | None = None,
         valid_when: Scalar | Fields | None = None,
+        healthy_bias: Scalar | None = None,
     ) -> Self:
         """Add a measured output: a law of signals, and the standard deviation of its noise (static networks: 0)."""
         fields: Fields = {"reads": reads, "unit": unit, "noise": noise, "lag": lag, "column": column}
-        return self._add("sensors", name, {**fields, "range": range, "suspect": suspect, "valid_when": valid_when})
+        fields = {**fields, "range": range, "suspect": suspect, "valid_when": valid_when}
+        return self._add("sensors", name, {**fields, "healthy_bias": healthy_bias})
 
     def slow_error(
         self, target: str, size: Scalar, *, after: Sequence[str] | None = None, each: Scalar | None = None

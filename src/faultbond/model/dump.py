@@ -165,6 +165,7 @@ class _Writer:
             "lag": self.lag(self.parameters[item.lag]) if item.lag else "",
             "range": "" if reach == "any" else reach,
             "suspect": "" if item.suspect or self.static else "no",
+            "healthy_bias": _difference(item.healthy_bias, item.unit) if item.healthy_bias else "",
         }
 
     def lag(self, item: Parameter) -> str:

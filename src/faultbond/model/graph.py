@@ -115,6 +115,7 @@ class Input:
     lag: the parameter with which what acts follows the record, as a time constant; empty: at once
     lower, upper: what it can be, in SI, infinite if unknown; a value beyond is wrong
     suspect: whether a fault may falsify it; always False where there is no time.
+    healthy_bias: standard deviation of the bias that is found of it on healthy data, SI; 0 where that is not known.
     """
 
     name: str
@@ -128,6 +129,7 @@ class Input:
     lower: float = -math.inf
     upper: float = math.inf
     suspect: bool = True
+    healthy_bias: float = 0.0
     line: int = 0
 
 
@@ -225,6 +227,7 @@ class Sensor:
     lower, upper : ends of its measuring range in SI, infinite if unknown; a value at an end or beyond is saturated
     valid_when : when it reads as stated, beside what holds of the whole model; None: always
     suspect : whether it may fail; always False where there is no time
+    healthy_bias : standard deviation of the bias that is found of it on healthy data, SI; 0 where that is not known
     """
 
     name: str
@@ -238,6 +241,7 @@ class Sensor:
     upper: float = math.inf
     valid_when: Validity | None = None
     suspect: bool = True
+    healthy_bias: float = 0.0
     line: int = 0
 
     @property

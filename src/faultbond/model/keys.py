@@ -134,6 +134,7 @@ VALID_KEYS = Keys(
     short="when",
 )
 _PARAMETERS = Key(_named(PARAMETER_KEYS), "numbers that a fault may change")
+_HEALTHY_BIAS = Key(VALUE, "standard deviation of the bias that is found of it on healthy data; `fit` writes it")
 INPUT_KEYS = Keys(
     {
         "unit": Key(TEXT, f"{_UNIT}, such as `percent`; `logic` for 0 and 1"),
@@ -154,6 +155,7 @@ INPUT_KEYS = Keys(
             _SLOW, "nobody measures it: how far it goes from its usual value, and its memory, `5 W over 1 h`"
         ),
         "usual": Key(VALUE, "of an unknown input: the value about which it moves; default 0"),
+        "healthy_bias": _HEALTHY_BIAS,
         "suspect": Key(YES_NO, "`no` trusts the input"),
     },
     may_be_empty=True,
@@ -214,6 +216,7 @@ SENSOR_KEYS = Keys(
         "column": _COLUMN,
         "range": Key(RANGE, "measuring range; a value at an end or beyond is not used; default any"),
         "valid_when": Key(VALID_KEYS, "condition under which it reads as stated; else it is not used"),
+        "healthy_bias": _HEALTHY_BIAS,
         "suspect": Key(YES_NO, "`no` trusts the sensor"),
     }
 )

@@ -165,6 +165,7 @@ class ValueReader:
             lower=lower,
             upper=upper,
             suspect=read_instrument(self.head, fields),
+            healthy_bias=read_healthy_bias(fields, found),
             line=place.line,
         )
 
@@ -359,9 +360,25 @@ def read_instrument(head: Head, fields: Mapping[str, Spot]) -> bool:
     ModelError
         where a static network states it.
     """
-    if head.static and "suspect" in fields:
-        raise fields["suspect"].error(": with `sample_time: none` there are no faults of sensors and inputs; remove it")
+    for key in ("suspect", "healthy_bias"):
+        if head.static and key in fields:
+            raise fields[key].error(": with `sample_time: none` there are no faults of sensors and inputs; remove it")
     return read_suspect(fields, head.instruments)
+
+
+def read_healthy_bias(fields: Mapping[str, Spot], unit: Measure | None) -> float:
+    """Give the bias, SI, that an input or sensor seems to have on healthy data; 0 where none is stated.
+
+    Raises
+    ------
+    ModelError
+        where it is no size in a unit of the input or sensor.
+    """
+    if "healthy_bias" not in fields:
+        return 0.0
+    size = fields["healthy_bias"].spread(unit, sized=True).difference()
+    fields["healthy_bias"].check_size(size)
+    return size
 
 
 def read_reach(head: Head, fields: Mapping[str, Spot], read: Callable[[Spot], float]) -> tuple[float, float]:

@@ -29,7 +29,7 @@ from faultbond.fit.wander import Wander
 from faultbond.model.amend import amended, with_correlations
 from faultbond.model.correlations import correlation_rows
 from faultbond.model.dump import dump_model
-from faultbond.model.graph import BondGraph, Correlation, Sensor, SlowError, Unit
+from faultbond.model.graph import BondGraph, Correlation, Input, Sensor, SlowError, Unit
 from faultbond.model.rewrite import NewParameter, NewSize, parameter_path, rewrite
 from faultbond.model.text import parse_model
 from faultbond.report.console import headline, lines, table, title, under
@@ -46,7 +46,7 @@ HEADER = ("name", "component", "nominal", "estimate ± sd", "unit", "change", "a
 class Fitted:
     """A fit and the model it belongs to: parameters, noise of the sensors, and what the data do not tell.
 
-    healthy_changes: standard deviations by which parameters seem to change while healthy, SI
+    healthy_changes: standard deviations by which parameters seem to change, and instruments to be off, healthy, SI
     strays: parameters that the fit puts far outside what was declared
     apart: whether it is left out how fitted parameters go together, as they do not while healthy
     """
@@ -93,9 +93,12 @@ class Fitted:
         return self._with_healthy_changes(written, read)
 
     def _with_healthy_changes(self, text: str, graph: BondGraph) -> str:
-        """Give the text of a fitted model with how far its parameters seem to change while healthy."""
+        """Give the text of a fitted model with what seems to change, and to be off, while healthy."""
         path = {item.name: (*parameter_path(graph, item.name), "healthy_change") for item in graph.parameters}
-        return amended(text, [(path[name], size) for name, size in self.declared_changes], graph.file)
+        section = dict.fromkeys((item.name for item in graph.sensors), "sensors")
+        told = [(path[name], size) for name, size in self.declared_changes]
+        told += [((section.get(name, "inputs"), name, "healthy_bias"), size) for name, size in self.declared_biases]
+        return amended(text, told, graph.file)
 
     @property
     def believed(self) -> Believed:
@@ -117,6 +120,18 @@ class Fitted:
             found = max(found, doubts.get(item.name, 0.0))
             if found > least or (item.name in self.healthy_changes and item.healthy_change > least):
                 told.append((item.name, _spread_text(max(found, least), item.nominal and value, item.unit)))
+        return tuple(told)
+
+    @property
+    def declared_biases(self) -> tuple[tuple[str, str], ...]:
+        """Sensors and inputs that seem to be off, and by how much; 0 where that was stated, and is found no more."""
+        told = []
+        instruments: list[Sensor | Input] = [*self.graph.sensors, *self.graph.inputs]
+        for item in instruments:
+            found = self.healthy_changes.get(item.name, 0.0)
+            if found > 0.0 or (item.name in self.healthy_changes and item.healthy_bias > 0.0):
+                unit = replace(item.unit, text="K") if item.unit.offset else item.unit  # a difference of temperatures
+                told.append((item.name, _joined(_up(found / unit.factor), unit)))
         return tuple(told)
 
     def _compare(self, read: BondGraph) -> None:
@@ -247,6 +262,12 @@ def fit_record(fitted: Fitted, output: Path | None) -> Record:
             }
             for item in found.whiteness
         ],
+        "biases": [
+            {"name": item.name, "kind": kind, "healthy_bias": fitted.healthy_changes[item.name]}
+            for kind, items in (("sensor", fitted.graph.sensors), ("input", fitted.graph.inputs))
+            for item in items
+            if item.name in fitted.healthy_changes
+        ],
         "correlations": [{"parameters": [item.one, item.other], "value": item.value} for item in fitted.correlations],
         "alike": [dict(item.changes) for item in fitted.silences],
         "hardly_fixed": [{"parameters": list(names), "sd": sd} for names, sd in faint_of(found)],
@@ -341,6 +362,9 @@ def remarks(fitted: Fitted) -> list[tuple[str, str]]:
     moves = [f"{name} {size}" for name, size in fitted.declared_changes]
     if moves:
         told.append(("seems to move", f"{join(moves)} (sd) on healthy data; a fault must change them by more"))
+    biases = [f"{name} by {size}" for name, size in fitted.declared_biases]
+    if biases:
+        told.append(("seems off", f"{join(biases)} (sd) on healthy data; a fault must bias them by more"))
     most = max((item.inflation for item in fitted.estimates), default=0.0)
     if most > 1.1:
         wider = f"up to {most:.1f} times that of a right model: the data ask for other values at other times"

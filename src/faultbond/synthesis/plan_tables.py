@@ -12,7 +12,7 @@ from faultbond.contract.couples import PER_COUPLE, n_coupled, plan_couples
 from faultbond.contract.findings import MAX_CANDIDATES, MOST_RIVALS
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.reserve import PER_SET, extensions, n_grown
-from faultbond.contract.slots import NOISES, plan_slots
+from faultbond.contract.slots import BIASES, INPUT_BIASES, NOISES, plan_slots
 from faultbond.contract.spec import EngineSpec
 from faultbond.synthesis.emit import literal
 from faultbond.types import SURE, CheckKind, FaultKind
@@ -64,6 +64,8 @@ def plan_sizes(spec: EngineSpec) -> dict[str, int | str]:
         "WARM_UP_SAMPLES": settings.warm_up_samples,
         "HISTORY_SAMPLES": settings.history_samples,
         "MOST_NOISES": len(NOISES),
+        "INPUT_CHANGE": literal(INPUT_BIASES[-1]),
+        "OUTPUT_CHANGE": literal(BIASES[-1]),
         "MAX_CANDIDATES": MAX_CANDIDATES,
         "MOST_RIVALS": MOST_RIVALS,
         "SURE": literal(SURE),
@@ -108,8 +110,10 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
     yield numbers("INPUT_SETTLING", (item.settling for item in spec.inputs))
     yield numbers("INPUT_STEP", (item.step for item in spec.inputs))
     yield numbers("INPUT_STEP_PART", (item.step_part for item in spec.inputs))
+    yield numbers("INPUT_HEALTHY_BIAS", (item.healthy_bias for item in spec.inputs))
     yield integers("INPUT_RANGED", (item.ranged for item in spec.inputs))
     yield numbers("OUTPUT_NOISE", (item.noise for item in spec.outputs))
+    yield numbers("OUTPUT_HEALTHY_BIAS", (item.healthy_bias for item in spec.outputs))
     yield integers("OUTPUT_RANGED", (item.ranged for item in spec.outputs))
     yield from ragged_table("DIRECT", [item.direct_inputs for item in spec.outputs], "INPUT")
 

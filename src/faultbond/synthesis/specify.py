@@ -232,6 +232,7 @@ def _input(item: Input, *, acts: bool) -> InputSpec:
         ranged=not acts or bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
         linear=item.linear,
         smooth=item.smooth,
+        healthy_bias=item.healthy_bias,
     )
 
 
@@ -250,4 +251,5 @@ def _output(
         condition=_place(item.valid_when, conditions),
         lag_state=stores.index(f"{item.name}.lagged") if item.lag else -1,
         growth=item.growth,
+        healthy_bias=item.healthy_bias,
     )

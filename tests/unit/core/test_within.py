@@ -9,8 +9,9 @@ import pytest
 
 from diagnosed import RESERVE, SPEC, Diagnosed, share_of, slot_of
 from faultbond.contract.core_settings import core_settings
+from faultbond.contract.couples import n_coupled, plan_couples
 from faultbond.contract.lanes import plan_lanes
-from faultbond.contract.slots import plan_slots
+from faultbond.contract.slots import BIASES, INPUT_BIASES, plan_slots
 from faultbond.contract.spec import EngineSpec, covariance_place
 from faultbond.synthesis.compile import find_compiler
 from faultbond.types import FaultKind
@@ -161,6 +162,85 @@ def test_an_instrument_has_no_accuracy() -> None:
     state.only(state.n_steps + lane)
     state.lane("slot", lane)[SIZE] = 1e-6
     assert told(state)[0] < 1e-9
+
+
+OFF = 0.02  # A and V, by which instruments are off on healthy data
+BIASED = replace(
+    SPEC,
+    inputs=tuple(replace(item, healthy_bias=OFF) for item in SPEC.inputs),
+    outputs=tuple(replace(item, healthy_bias=OFF) for item in SPEC.outputs),
+)
+MIXED = replace(BIASED, coupled=True, reserve=())
+PEAK = 4.0  # V, the largest size of the input
+
+
+def part_unbiased(bias: float, sd: float, faulty: float) -> float:
+    """The part of a hypothesis that says no more than that an instrument is as on healthy data, by its density."""
+    variance = sd**2 / SHARE
+
+    def density(spread: float) -> float:
+        square = spread**2 + variance
+        return exp(-0.5 * bias**2 / square) / sqrt(2.0 * pi * square)
+
+    return density(OFF) / (density(OFF) + density(faulty))
+
+
+def seen_inputs(state: Diagnosed) -> Diagnosed:
+    """A state whose input went up to its largest size."""
+    state["inputs.lowest"], state["inputs.highest"] = -1.0, PEAK
+    return state
+
+
+@pytest.mark.parametrize("parts", [0.0, 1.0, 2.0, 4.0])
+@pytest.mark.parametrize("is_output", [True, False])
+def test_a_bias_as_on_healthy_data_is_no_fault(parts: float, is_output: bool) -> None:
+    """A bias of what is seen of the instrument while healthy says that nothing is at fault; a larger one does not."""
+    state = seen_inputs(diagnosed(BIASED))
+    place = {"output": 0} if is_output else {"input": 0}
+    lane = slot_of(kind=FaultKind.BIAS, **place)
+    unit = SPEC.outputs[0].noise if is_output else 1.0
+    faulty = BIASES[-1] * SPEC.outputs[0].noise if is_output else INPUT_BIASES[-1] * PEAK
+    state.only(state.n_steps + lane)
+    numbers, sd = state.lane("slot", lane), 0.1 * OFF
+    numbers[SIZE], numbers[covariance_place(WIDE, SIZE, SIZE)] = parts * OFF / unit, (sd / unit) ** 2
+    right = part_unbiased(parts * OFF, sd, faulty)
+    assert told(state)[0] == pytest.approx(right, rel=1e-6)
+    assert (right > 0.5) == (parts <= 2.0)
+    assert (right < 0.1) == (parts == 4.0)
+
+
+def test_what_is_stuck_scatters_or_has_a_wrong_gain_has_no_healthy_bias() -> None:
+    """Where a sensor is stuck its value is no bias, whatever it is."""
+    for kind in (FaultKind.STUCK, FaultKind.GAIN, FaultKind.NOISE):
+        state, lane = diagnosed(BIASED), slot_of(output=0, kind=kind)
+        state.only(state.n_steps + lane)
+        assert told(state)[0] < 1e-9
+
+
+@pytest.mark.parametrize("instruments", [1, 2])
+def test_beside_another_fault_a_bias_as_on_healthy_data_is_left_out(instruments: int) -> None:
+    """What a couple of a bias and a parameter, or of two biases, is worth goes to the other suspect alone."""
+    state = seen_inputs(diagnosed(MIXED))
+    couples = plan_couples(MIXED)
+    first, other = len(SPEC.hypotheses), len(SPEC.hypotheses) + 1  # biases of the sensors
+    number = next(
+        k for k, item in enumerate(couples) if item.slot == first and item.beside == (other if instruments == 2 else -1)
+    )
+    couple, at = couples[number], 0 if instruments == 1 else n_coupled(MIXED)[0]
+    coupled, base = state["bank.coupled"].copy(), state["bank.base"].copy()
+    coupled[at], base[at] = number, slot_of(output=0, kind=FaultKind.BIAS)
+    state["bank.coupled"], state["bank.base"] = coupled, base
+    state.likelihoods(np.full(state.n_steps + state.n_slots, -1000.0))
+    numbers, sd, noise = state.lane("slot", len(SLOTS.lanes) + at), 0.1 * OFF, SPEC.outputs[0].noise
+    numbers[WIDE.n_numbers - 1] = 50.0
+    numbers[SIZE], numbers[covariance_place(WIDE, SIZE, SIZE)] = 0.5 * OFF / noise, (sd / noise) ** 2
+    if instruments == 1:
+        numbers[FIRST + couple.parameter] = 1.5
+    else:
+        numbers[SIZE + 1] = 20.0 * OFF / SPEC.outputs[1].noise
+    sets = told(state)[1]
+    rest = (couple.parameter,) if instruments == 1 else (-2,)
+    assert sets[rest] == pytest.approx(part_unbiased(0.5 * OFF, sd, BIASES[-1] * noise), rel=1e-3)
 
 
 def test_a_set_of_the_reserve_loses_its_part_too() -> None:

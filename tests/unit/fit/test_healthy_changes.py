@@ -1,6 +1,7 @@
 """How far parameters seem to change on healthy data, against plants of which that is known."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,7 +57,7 @@ def recorded(
 def test_an_exact_model_does_not_seem_to_change(core: Core) -> None:
     """What its parameters are found off by is what their variances allow."""
     found = healthy_changes(core, [recorded(core, [3.0] * 8, seed) for seed in range(3)])
-    assert found == {"R": 0.0, "L": 0.0}
+    assert found == {"R": 0.0, "L": 0.0, "i": 0.0, "V": 0.0}
 
 
 @needs_compiler
@@ -68,6 +69,23 @@ def test_what_the_model_leaves_out_is_found(core: Core) -> None:
     true = float(np.sqrt(np.mean([np.square(course - 3.0) for course in courses])))
     assert found["R"] == pytest.approx(true, rel=0.25)
     assert found["L"] / 2.0 < 0.5 * found["R"] / 3.0
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["V", "i"])
+def test_what_an_instrument_is_off_by_is_found(core: Core, name: str) -> None:
+    """An input that acts by other volts than recorded, and a sensor that is off, another time by another size."""
+    rng, sizes, offs, records = np.random.default_rng(8), {"V": 0.5, "i": 0.06}, list[float](), list[HealthyRecording]()
+    for seed in range(3):
+        record, off = recorded(core, [3.0] * 12, seed), sizes[name] * rng.standard_normal(12)
+        offs += off.tolist()
+        told = [
+            replace(point, u=point.u - moved) if name == "V" else replace(point, y=point.y + moved)
+            for point, moved in zip(record.points, np.repeat(off, EACH), strict=True)
+        ]
+        records.append(healthy_recording(record.name, told, core))
+    found = healthy_changes(core, records)
+    assert found[name] == pytest.approx(float(np.sqrt(np.mean(np.square(offs)))), rel=0.3)
 
 
 @needs_compiler
@@ -85,7 +103,7 @@ def test_it_is_asked_of_the_model_as_fitted(core: Core) -> None:
 def test_of_too_few_samples_nothing_is_said(core: Core) -> None:
     """Four windows are the least, of 250 samples the shortest."""
     assert healthy_changes(core, [recorded(core, [3.0], 1)]) == {}
-    assert set(healthy_changes(core, [recorded(core, [3.0], seed) for seed in range(4)])) == {"R", "L"}
+    assert set(healthy_changes(core, [recorded(core, [3.0], seed) for seed in range(4)])) == {"R", "L", "i", "V"}
 
 
 @pytest.mark.parametrize("true", [0.0, 0.02, 0.1])

@@ -8,11 +8,12 @@ import pytest
 
 from dense_filter import DenseFilter, dense_filter
 from faultbond.arrays import FloatArray
+from faultbond.contract.slots import with_slot
 from faultbond.contract.spec import EngineSpec, pack, unpack
 from faultbond.model.text import load_model
 from faultbond.runtime.core import Core
 from faultbond.synthesis.engine import build_engine
-from lanes import shared, widened
+from lanes import shared
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 PLANTS = ("dc_motor_current", "rlc", "tank", "quiet")  # quiet: no noise of the input
@@ -78,7 +79,7 @@ def correlated(engine: Core) -> FloatArray:
 
 def with_roles(spec: EngineSpec, lane: FloatArray, **roles: FloatArray) -> FloatArray:
     """The lane with a slot; roles that are not given are neutral."""
-    wide = widened(spec, lane)
+    wide = with_slot(spec, lane)
     for name, place in spec.slotted.role_fields.items():
         wide[place] = roles.get(
             name, np.full(place.stop - place.start, float(name in ("reads", "noise", "obeys", "moves")))
