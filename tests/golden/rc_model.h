@@ -72,7 +72,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0xfbc34598c32de9ecULL, 0x98333890a4c60ae0ULL, 0x7648eca5802a9710ULL, 0x41d86386407e5d55ULL};
+static const uint64_t MODEL_HASH[] = {0x01befdb2c21c3701ULL, 0xc57ebe1c46959075ULL, 0xae6420ced3d793e6ULL, 0x06452357389cf1b8ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -150,6 +150,7 @@ static const double INPUT_STEP[] = {0.6000000000000001};
 static const double INPUT_STEP_PART[] = {0.01};
 static const int INPUT_RANGED[] = {0};
 static const double OUTPUT_NOISE[] = {0.1};
+static const double OUTPUT_ZERO[] = {0.0};
 static const int OUTPUT_RANGED[] = {0};
 static const int DIRECT_ROW[] = {0, 0};
 static const int DIRECT_INPUT[] = {0};

@@ -43,7 +43,9 @@ PLAIN = build_spec(build_step_model(MODEL))
 N_P = len(PLAIN.parameters)
 SINGLES, PAIRS = (tuple(combinations(range(N_P), size)) for size in (1, 2))
 RESERVE = (*PAIRS[2:], *combinations(range(N_P), 3))
-SPEC = replace(PLAIN, hypotheses=(*SINGLES, *PAIRS[:2]), reserve=RESERVE)
+ZEROS = (0.0, -0.2)  # where the unit of each sensor has its 0, SI
+OUTPUTS = tuple(replace(item, unit_offset=zero) for item, zero in zip(PLAIN.outputs, ZEROS, strict=True))
+SPEC = replace(PLAIN, hypotheses=(*SINGLES, *PAIRS[:2]), reserve=RESERVE, outputs=OUTPUTS)
 
 
 FAR = 100.0  # a factor that no healthy parameter has

@@ -67,6 +67,15 @@ def unit_of(graph: BondGraph, name: str) -> Unit:
     return units[signal] if word == FaultKind.STUCK.value else Unit(units[signal].text, units[signal].factor)
 
 
+def shown_in(graph: BondGraph, name: str, notation: Notation) -> str:
+    """Say in which unit a gain multiplies, where its 0 is not that of SI: of `T.gain` ` in degC`; else empty."""
+    signal, word = instrument_of(name)
+    units = {item.name: item.unit for item in graph.inputs} | {item.name: item.unit for item in graph.sensors}
+    if word != FaultKind.GAIN.value or signal not in units or not units[signal].offset:
+        return ""
+    return f" in {unit_text(units[signal].text, notation)}"
+
+
 def instrument_title(graph: BondGraph, name: str) -> str:
     """Name a sensor or an input as such: `flow sensor`, `input u_in`."""
     return f"input {name}" if any(item.name == name for item in graph.inputs) else f"{name} sensor"
@@ -179,7 +188,8 @@ def _misreading(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
     if word == FaultKind.GAIN.value:
         change = change_text(suspect.nominal or 0.0, suspect.estimate, suspect.sd)
         bracket = f" (gain, {change})" if change else ""
-        return f"it reads {figure(value, sd).number(notation)} times the right value{bracket}"
+        where = shown_in(graph, suspect.parameter, notation)
+        return f"it reads {figure(value, sd).number(notation)} times the right value{where}{bracket}"
     size = with_unit(abs(value), unit.text, notation, sd=sd)
     if word == FaultKind.NOISE.value:
         times = figure(suspect.estimate / (suspect.nominal or 1.0), digits=2).number(notation)

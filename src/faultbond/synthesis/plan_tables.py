@@ -110,6 +110,7 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
     yield numbers("INPUT_STEP_PART", (item.step_part for item in spec.inputs))
     yield integers("INPUT_RANGED", (item.ranged for item in spec.inputs))
     yield numbers("OUTPUT_NOISE", (item.noise for item in spec.outputs))
+    yield numbers("OUTPUT_ZERO", (item.unit_offset for item in spec.outputs))
     yield integers("OUTPUT_RANGED", (item.ranged for item in spec.outputs))
     yield from ragged_table("DIRECT", [item.direct_inputs for item in spec.outputs], "INPUT")
 
