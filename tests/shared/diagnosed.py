@@ -212,7 +212,7 @@ def _record(n_limits: int, largest: int, most: int) -> Any:
 
     forecast = numbers("f8", "limit", "time", "earliest", "latest")
     suspect = numbers("i8", "parameter", "input", "output", "word")
-    values = ("nominal", "estimate", "sd", "rate", "rate_sd", "began", "ended", "moved")
+    values = ("nominal", "estimate", "sd", "rate", "rate_sd", "began", "ended", "moved", "stopped")
     suspect += [*numbers("f8", *values), ("n_forecasts", "i8")]
     suspect += [("forecasts", forecast, (n_limits,))]
     candidate = [*numbers("i8", "hypothesis", "lane", "group", "present", "n_kinds"), ("kinds", "i8", (len(KINDS),))]

@@ -8,6 +8,7 @@ from faultbond.model.graph import BondGraph, Parameter, Unit
 from faultbond.report.numbers import (
     Notation,
     change_text,
+    clock_text,
     coarse_clock_text,
     duration_text,
     figure,
@@ -131,6 +132,9 @@ def change_of(graph: BondGraph, candidate: Candidate, suspect: Suspect, now: flo
     """
     name, unit = suspect.parameter, unit_of(graph, suspect.parameter)
     signal, word = instrument_of(name)
+    if suspect.stopped is not None:
+        told = f"its record has stood still since {clock_text(suspect.stopped)}, so its meter has stuck"
+        return f"{told}, and what acts is not known" if len(candidate.suspects) == 1 else _named(told, signal)
     if is_undetermined(graph, suspect):
         its = f"the {word} of {signal}" if len(candidate.suspects) > 1 else f"its {word}"
         return f"{its if signal else name} is {UNDETERMINED}"
@@ -245,6 +249,8 @@ def cure_of_walk(parameter: str) -> str:
 
 def otherwise(candidate: Candidate) -> str:
     """Name the other kinds of fault that it may be, as a sentence; empty where the likeliest one is clear."""
+    if any(suspect.stopped is not None for suspect in candidate.suspects):
+        return ""
     others = [
         f"{KIND_WORDS[kind]} ({100.0 * share:.0f} %)"
         for kind, share in candidate.kinds
