@@ -206,6 +206,7 @@ class Grid:
         self._began = False  # whether a row with a time has come
         self.n_rows = 0  # with a time that were taken, those of grids before not among them
         self.n_dropped = 0  # of these, that came too late to be used
+        self.n_again = 0  # of these, that have the time of another row
         self._best: tuple[int, float, Row] | None = None  # newest grid point: index, distance and nearest row so far
         self._means: RowMeans | None = None
         if row_time is not None and sample_time is not None:
@@ -445,6 +446,7 @@ class Grid:
         for row in self._behind:
             self._tally["duplicate" if row.time in known else "late"] += 1
             self.n_dropped += row.time not in known
+            self.n_again += row.time in known
         self._behind.clear()
 
     def _begin_anew(self) -> None:
@@ -464,6 +466,7 @@ class Grid:
             _, _, late, row = heapq.heappop(self._waiting)
             if row.time in self._times:
                 self._tally["duplicate"] += 1
+                self.n_again += 1
                 continue
             self._tally["late"] += late
             if not self._times or row.time > self._times[-1]:
@@ -526,6 +529,12 @@ class Grid:
                 f"samples of {self._step or self._interval():g} s. Check the unit of the time column and sample_time."
             )
         return True
+
+    @property
+    def repeats_times(self) -> bool:
+        """Whether most rows have the time of another one, and the others are too few for the grid, if there is one."""
+        is_coarse = self._step is None or (self._interval() or self._usual) > GAP * self._step
+        return 2 * self.n_again > self.n_rows and is_coarse
 
     def _interval(self) -> float:
         """Give the mean interval of the last rows; 0 as long as they are few."""
