@@ -12,7 +12,8 @@ def disorder_of(grid: Grid) -> str:
     if grid.repeats_times:
         return (
             f"{grid.n_again} of {grid.n_rows} rows have the time of another row, as where times are cut to whole "
-            "seconds; write times with all their digits, or, of rows at even steps, state `time: none` in the model file"
+            "seconds; write times with all their digits, or, of rows at even steps, state `time: none` in the model "
+            "file"
         )
     if grid.n_dropped * FEW <= grid.n_rows:
         return ""

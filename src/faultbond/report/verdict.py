@@ -17,7 +17,7 @@ from faultbond.contract.findings import (
     Unexplained,
     Walk,
 )
-from faultbond.contract.silence import SENSOR, Silent
+from faultbond.contract.silence import SENSOR, Silent, unwatched
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.report.checks import CheckRow, action, check_rows
@@ -166,7 +166,7 @@ def _state(history: History, counts: RunCounts) -> str:
         return "fault"
     if counts.no_verdict:
         return "open"
-    return "partial" if any(item.role == SENSOR for item in counts.silent) else "healthy"
+    return "partial" if unwatched(counts.silent) else "healthy"
 
 
 def _notes(silent: Sequence[Silent]) -> tuple[str, ...]:
