@@ -207,7 +207,6 @@ static inline void give_up_behind(Grid *grid)
         grid->counts.duplicate += is_known;
         grid->counts.late += !is_known;
         grid->n_dropped += !is_known;
-        grid->n_again += is_known;
     }
     grid->n_behind = 0;
 }

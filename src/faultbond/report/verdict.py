@@ -58,7 +58,7 @@ class RunCounts:
 
     no_verdict: why the run says nothing about the plant; empty where it does. disorder: the same where rows are so
     much out of order that an alarm says nothing either. silent: sensors and inputs that gave no value, hardly any, or
-    none for long.
+    none for long. units: that signals seem to be recorded in other units than the model file says, if any do.
     """
 
     samples: int
@@ -76,6 +76,7 @@ class RunCounts:
     no_verdict: str = ""
     disorder: str = ""
     silent: tuple[Silent, ...] = ()
+    units: str = ""
 
     def defects(self) -> str:
         """Say what was wrong with the recording, `3 missing, 1 late`; empty where nothing was."""
@@ -138,7 +139,10 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
     return RunView(
         state=_state(history, counts),
         verdict=" ".join(
-            filter(None, (verdict_sentence(graph, history, counts, notation), early_sentence(graph, history)))
+            filter(
+                None,
+                (counts.units, verdict_sentence(graph, history, counts, notation), early_sentence(graph, history)),
+            )
         ),
         sensors=", ".join(sensor.name for sensor in graph.sensors),
         step=step_text(graph),
