@@ -10,9 +10,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from faultbond.app import quiet_fit
 from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
 from faultbond.app.quiet_fit import apart_if_quieter, promising, put_on_trial, widened
+from faultbond.app.signals import Stopped
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
 from faultbond.contract.findings import Unexplained
@@ -229,6 +231,25 @@ def test_nothing_is_added_to_a_right_model(model: Path, tmp_path: Path) -> None:
     assert found["quiet"]["raised"] == []
     assert found["quiet"]["quiet"]
     assert 0.0 < found["quiet"]["smallest"]["R"] < found["quiet"]["smallest_before"]["R"]
+
+
+def test_what_was_found_is_written_when_the_search_is_stopped(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl-C in the first round: what was fitted is in the file, and the exit code says that it was stopped."""
+
+    def stop(*_: object) -> bool:
+        raise Stopped(2)
+
+    monkeypatch.setattr(quiet_fit, "_seems_quiet", stop)
+    made = [write(tmp_path / f"{seed}.csv", seed=seed) for seed in (1, 2)]
+    output, target = tmp_path / "quiet.yaml", tmp_path / "records.jsonl"
+    words = ("--starts", "1", "--until-quiet", "-o", str(output), "--json", str(target))
+    assert main(["fit", str(model), *map(str, made), *words]) == 128 + 2
+    record = json.loads(target.read_text(encoding="utf-8").splitlines()[-1])
+    assert (record["stopped"], record["rounds"], record["added"], record["raised"]) == (True, 0, [], [])
+    assert load_model(output).parameter("R").nominal == pytest.approx(R, rel=0.02)
+    assert "The search was stopped before its end." in " ".join(capsys.readouterr().out.split())
 
 
 def test_one_recording_is_parted(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,6 +16,7 @@ from faultbond.app.model_check import write
 from faultbond.app.presence import silent_of
 from faultbond.app.rows import no_time, sample_of
 from faultbond.app.section import Section
+from faultbond.app.signals import SIGNALLED
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.contract.silence import INPUT, SENSOR, seconds
@@ -83,8 +84,8 @@ def fit(
     output: Path | None,
     report: Path | None,
     out: Out,
-) -> None:
-    """Fit a model to healthy recordings and write the model file that follows from them."""
+) -> int:
+    """Fit a model to healthy recordings and write the model file that follows from them; give the exit code."""
     with _waiting(long=wishes.until_quiet) as status:
         found = identified(model, recordings, wishes=wishes, tell=status, warn=out.warn)
     refused: OSError | None = None
@@ -104,6 +105,8 @@ def fit(
         out.say(f"Report: {report}")
     if refused is not None:
         raise refused
+    stopped = None if found.quieted is None else found.quieted.stopped
+    return 0 if stopped is None else SIGNALLED + stopped
 
 
 def identified(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
 from faultbond.app.engine import build_watcher
 from faultbond.app.likelihood import likelihood_engine
+from faultbond.app.signals import Stopped
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
@@ -59,7 +60,7 @@ class Attempt:
 
 
 def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Quieted:
-    """Fit a model and add what the recordings call for until they are quiet.
+    """Fit a model and add what the recordings call for until they are quiet, or somebody stops the search.
 
     Raises
     ------
@@ -93,14 +94,16 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
     search = Search(
         graph, likelihood_engine, tell, parameters, wishes.own, (found.records, records_held), (begin, begin_held)
     )
-    attempt, stand, rounds = _searched(search, search.first(found), text, graph, read, wishes, tell)
+    attempt, stand, rounds, stopped = _searched(search, search.first(found), text, graph, read, wishes, tell)
     raised: tuple[Raised, ...] = ()
-    if not attempt.quiet:
+    if not attempt.quiet and stopped is None:
         tell("raising what must be declared larger")
         attempt, raised = _raised(attempt, promise, tell)
     raised = (*raised, *(Raised(what=f"accuracy of {name}", times=x) for name, x in attempt.widened.items()))
-    tell("working out the smallest faults before and after")
-    smallest = _smallest([(graph, core), (attempt.graph, attempt.core)], attempt.records)
+    smallest: list[Smallest] = [(), ()]
+    if stopped is None:
+        tell("working out the smallest faults before and after")
+        smallest = _smallest([(graph, core), (attempt.graph, attempt.core)], attempt.records)
     return Quieted(
         fitted=attempt.fitted,
         text=attempt.text,
@@ -112,6 +115,7 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
         health=attempt.health,
         alarms=attempt.alarms,
         rounds=rounds,
+        stopped=None if stopped is None else stopped.number,
         left=tuple(item for item in search.asked if item[1] > 0.0),
         smallest_before=smallest[0],
         smallest_after=smallest[1],
@@ -138,23 +142,28 @@ def _searched(
     read: Recordings,
     wishes: FitWishes,
     tell: Tell,
-) -> tuple[Attempt, Footing, int]:
-    """Add one thing after the other until it is quiet or nothing gains."""
+) -> tuple[Attempt, Footing, int, Stopped | None]:
+    """Add one thing after the other until it is quiet, nothing gains, or somebody stops the search."""
     tried: Attempt | None = None
     none = Prior(wishes.prior) is Prior.NONE
     asked = {item.name for item in graph.parameters} if none else set[str]()  # parameters that may stray
+    stopped: Stopped | None = None
     for rounds in range(ROUNDS + 1):
-        if _seems_quiet(stand, read, tell):
-            tried = _attempt(stand, text, graph, read, wishes, search.believed, tell)
-            if tried.quiet:
-                return tried, stand, rounds
-        better = _next(search, stand, asked) if rounds < ROUNDS else None
+        try:
+            if _seems_quiet(stand, read, tell):
+                tried = _attempt(stand, text, graph, read, wishes, search.believed, tell)
+                if tried.quiet:
+                    return tried, stand, rounds, None
+            better = _next(search, stand, asked) if rounds < ROUNDS else None
+        except Stopped as asked_to:
+            better, stopped = None, asked_to
+            tell("stopped: what was found so far is written; once more, and nothing is")
         if better is None:
             break
         new, gain = better.added[len(stand.added) :], better.held - stand.held
         stand, tried = better, None
         tell(f"added: {', '.join(item.what.words for item in new)}; what was held back gains {gain:.0f} nats")
-    return tried or _attempt(stand, text, graph, read, wishes, search.believed, tell), stand, rounds
+    return tried or _attempt(stand, text, graph, read, wishes, search.believed, tell), stand, rounds, stopped
 
 
 def _next(search: Search, stand: Footing, asked: set[str]) -> Footing | None:

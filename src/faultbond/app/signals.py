@@ -7,6 +7,7 @@ from types import FrameType, TracebackType
 from typing import Any, TypeVar
 
 Item = TypeVar("Item")
+SIGNALLED = 128  # exit code, as shells report: this and the number of the signal
 STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 

@@ -162,7 +162,7 @@ def _add_fit(verbs: Subparsers) -> None:
             own=arguments.per_recording,
             until_quiet=arguments.until_quiet,
         )
-        app.fit(
+        code: int = app.fit(
             arguments.model,
             tuple(arguments.recordings),
             wishes=wishes,
@@ -170,7 +170,7 @@ def _add_fit(verbs: Subparsers) -> None:
             report=arguments.report,
             out=out,
         )
-        return DONE
+        return code
 
     example = "faultbond fit model.yaml healthy.csv -o fitted.yaml --report fit.html"
     summary = "find parameters and noise from healthy recordings, and write them into a model file"

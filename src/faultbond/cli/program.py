@@ -12,7 +12,7 @@ from io import TextIOWrapper
 from typing import Never
 
 from faultbond import app
-from faultbond.app.signals import Stopped, Stopping
+from faultbond.app.signals import SIGNALLED, Stopped, Stopping
 from faultbond.cli.arguments import DONE, FAULT_DETECTED, NO_VERDICT, Parser, VerbCall, add_verbs
 from faultbond.cli.outputs import check_outputs
 from faultbond.errors import FaultbondError, NoVerdictError, one_line
@@ -20,7 +20,7 @@ from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.out import STANDARD_OUTPUT, drop_output, open_out
 
 USER_MISTAKE, INTERNAL_ERROR = 2, 3
-SIGNALLED, NOBODY_READS = 128, 141  # as shells report: 128 and the number of the signal; a pipe that was closed
+NOBODY_READS = 141  # as shells report a pipe that was closed
 GROWING = ("run", "demo")  # verbs whose records are read while they run
 TRACEBACK = "FAULTBOND_TRACEBACK"
 EXIT_CODES = (

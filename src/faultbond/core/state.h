@@ -31,6 +31,8 @@ enum { TREND_LEVEL, TREND_SLOPE, TREND_VARIANCE, TREND_TIE, TREND_SLOPES, TREND_
 #define FIRST_COUPLES (BLOCKS(N_STEPS) + BLOCKS(SWITCHED))     /* of the groups that may rest, that of the first couples, */
 #define N_RESTING (FIRST_COUPLES + BLOCKS(N_COUPLE_LANES))      /* and how many there are */
 
+#define PENDING 20 /* samples for which an input that goes on may wait for the readings to tell, see wild.h */
+
 #define real double
 #define whole int64_t
 #include "watched.h"
@@ -158,6 +160,7 @@ typedef struct {
     Sensors sensors;
     Healthy healthy;
     Past past;
+    double refused[PENDING][N_SAMPLE]; /* samples as they are if the inputs that wait are real; number k is [k % PENDING] */
     Bank bank;
     Job job;
     Normal normal;

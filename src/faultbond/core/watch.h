@@ -96,19 +96,6 @@ static void report_filter(const State *state, int64_t status, const double *pack
     for (int k = 0; k < N_SLOW; k++) report->slow[k] = state->healthy.lane[AT_SLOW + k] / SLOW_SD[k];
 }
 
-/* Largest innovation of a packed sample in its standard deviation. */
-static double wildness_of(const double *packed, const double *innovations)
-{
-    double most = 0.0;
-    for (int j = 0; j < N_OUTPUTS; j++) {
-        if (!(packed[SAMPLE_USE + j] > 0.0)) continue;
-        const double score = fabs(innovations[j]) / sqrt(innovations[N_OUTPUTS + j]);
-        if (isnan(score)) return NAN; /* of a filter that has run away */
-        most = fmax(most, score);
-    }
-    return most;
-}
-
 /* Keep a packed sample with the healthy lane after it, and after an alarm take it into the bank. */
 static void keep(State *state, const double *packed, const double *lane, double wildness, Work *work)
 {

@@ -16,7 +16,6 @@
 #define CUT_FAR 10.0        /* widths beyond what was seen at which a value counts that goes on: wilder ones only teach nonsense */
 #define PATIENCE 5.0        /* wild readings of a sensor that are refused, */
 #define RECOVERY 50.0       /* and samples after which it is one more again */
-#define PENDING 20          /* samples for which an input that goes on may wait for the readings to tell */
 #define TELLING 9.0         /* difference of the sums of squares, in sd, that decides between two pasts */
 #define SPIKE_BACK 0.5      /* part of the way that an input may be off after it */
 #define MOST_SAID 20.0      /* sd of an innovation beyond which it counts no more there */
@@ -150,6 +149,35 @@ static void doubt_past(const State *state, const Version *real, const double *ot
     }
 }
 
+/* Largest innovation of a packed sample in its standard deviation. */
+static double wildness_of(const double *packed, const double *innovations)
+{
+    double most = 0.0;
+    for (int j = 0; j < N_OUTPUTS; j++) {
+        if (!(packed[SAMPLE_USE + j] > 0.0)) continue;
+        const double score = fabs(innovations[j]) / sqrt(innovations[N_OUTPUTS + j]);
+        if (isnan(score)) return NAN; /* of a filter that has run away */
+        most = fmax(most, score);
+    }
+    return most;
+}
+
+/* Keep the samples after number `since` as they are if the inputs that waited from then on are real: from them lanes begin at an
+   alarm. lane: memory. */
+static void keep_as_believed(State *state, int64_t since, double *lane, Filter_plain *work)
+{
+    double innovations[2 * N_OUTPUTS];
+    if (since < 0 || state->clock.index - since > PENDING) return;
+    memcpy(lane, row_of(&state->past, since)->lane, PLAIN_NUMBERS * sizeof *lane);
+    for (int64_t number = since + 1; number < state->clock.index; number++) {
+        Row *row = row_of(&state->past, number);
+        memcpy(row->sample, state->refused[number % PENDING], sizeof row->sample);
+        advance_one(lane, row->sample, &state->normal, innovations, work);
+        memcpy(row->lane, lane, sizeof row->lane);
+        row->wildness = wildness_of(row->sample, innovations);
+    }
+}
+
 /* Decide whether inputs that were refused at the last sample are real. While they are refused a second filter, the rival, runs
    beside as if they were, until the readings tell which of the two is right. If the rival is, it is the healthy filter from
    then on. Gives how many inputs are wild. */
@@ -184,6 +212,7 @@ static int64_t decide_inputs(State *state, const Sample *sample, double *packed,
                 if (isfinite(before->odd[k]) && !isfinite(sample->u[k])) after->odd[k] = before->odd[k];
             after->odd_since = before->odd_since;
             memcpy(after->rival, memory->two, sizeof after->rival);
+            memcpy(state->refused[state->clock.index % PENDING], memory->other, sizeof memory->other);
             after->gain = gain;
             return 0;
         }
@@ -194,6 +223,7 @@ static int64_t decide_inputs(State *state, const Sample *sample, double *packed,
         }
     }
     go_by_version(state, &memory->real);
+    keep_as_believed(state, before->odd_since, memory->one, work);
     memcpy(packed, memory->other, sizeof memory->other);
     return 0;
 }

@@ -95,13 +95,18 @@ def added(settings: Thresholds, sums: Sums, score: Floats, use: BoolArray, forge
 
 
 def height_of(settings: Thresholds, sums: Sums) -> Floats:
-    """Give the largest of the sums, (...,), in the scale of the slow ones: above `cusum_limit` is an alarm.
+    """Give the largest of the sums, (...,), in the scale of the slow ones: above `cusum_limit` is an alarm."""
+    return np.asarray(np.max(heights_of(settings, sums), axis=0))
+
+
+def heights_of(settings: Thresholds, sums: Sums) -> Floats:
+    """Give the largest sums up, down, and of the scatter, (3, ...), in the scale of the slow ones.
 
     The scatter counts as far as it is seen against each of the last innovations.
     """
     fast, scatter = scales(settings)
-    largest = np.maximum(np.maximum(*sums.slow), fast * np.maximum(*sums.fast))
-    return np.asarray(np.maximum(largest, scatter * np.min(sums.scatter, axis=0)))
+    sides = np.maximum(sums.slow, fast * sums.fast)
+    return np.concatenate([sides, scatter * np.min(sums.scatter, axis=0, keepdims=True)])
 
 
 def scales(settings: Thresholds) -> tuple[float, float]:

@@ -13,7 +13,7 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.spec import covariance_place
-from faultbond.fit.cusum import added, height_of, no_sums
+from faultbond.fit.cusum import added, heights_of, no_sums
 from faultbond.fit.samples import HealthyRecording, trusted
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
@@ -32,15 +32,16 @@ class Variant:
 class Watch:
     """What the detector saw; nan where it looked at nothing.
 
-    scores (N, n_outputs): innovations in their standard deviations, from the end of the warm-up; cusum (2, N,
-    n_outputs): up, down; height (N, n_outputs): the largest sum, see `runtime.cusum`; slow (N, n_slow): slow errors in
-    their declared sizes. walk: how far a parameter walked at most, with everything as declared; 1: an alarm; walker:
-    the parameter, -1: none was judged; strayed (n_parameters,): how far each was from where it started, where none had
-    walked farther. alone (N, n_outputs): what the plant alone shows under the inputs, SI.
+    scores (N, n_outputs): innovations in their standard deviations, from the end of the warm-up; climbs (3, N,
+    n_outputs): the sums up, down and of the scatter, see `fit.cusum`; height (N, n_outputs): the largest, as the
+    monitor itself says where all is as declared; slow (N, n_slow): slow errors in their declared sizes. walk: how far a
+    parameter walked at most, with everything as declared; 1: an alarm; walker: the parameter, -1: none was judged;
+    strayed (n_parameters,): how far each was from where it started, where none had walked farther. alone (N,
+    n_outputs): what the plant alone shows under the inputs, SI.
     """
 
     scores: FloatArray
-    cusum: FloatArray
+    climbs: FloatArray
     height: FloatArray
     slow: FloatArray
     walk: float
@@ -54,8 +55,8 @@ class Taken:
     """What the monitor's filter took of a recording of `count` samples: of the n from its start on.
 
     rows: (n, n_sample), packed; started: how many of them it gathered for its start. use, settling: (n, n_outputs),
-    whether the sums take the reading, or forget those before. astray: (n,), whether a gap is felt. walk, walker,
-    strayed: see `Watch`.
+    whether the sums take the reading, or forget those before. astray: (n,), whether a gap is felt. height: (count,
+    n_outputs), the largest sum of each sensor, as the monitor says. walk, walker, strayed: see `Watch`.
     """
 
     count: int
@@ -64,6 +65,7 @@ class Taken:
     use: BoolArray
     settling: BoolArray
     astray: BoolArray
+    height: FloatArray
     walk: float
     walker: int
     strayed: FloatArray
@@ -94,7 +96,7 @@ def watch_taken(core: Core, taken: Taken, variants: Sequence[Variant] = (Variant
     alone[first:] = _alone(core, taken)
     warm = first + spec.thresholds.warm_up_samples
     scores[:, :warm], slow[:, :warm] = np.nan, np.nan
-    cusum, height = np.zeros((2, *shape)), np.zeros(shape)
+    climbs = np.zeros((3, *shape))
     sums = no_sums(shape[0], shape[2])
     for t in range(warm, count):
         row = t - first
@@ -102,44 +104,47 @@ def watch_taken(core: Core, taken: Taken, variants: Sequence[Variant] = (Variant
             sums = replace(sums, before=np.full_like(sums.before, np.nan))
         forget = taken.settling[row] | taken.astray[row]
         sums = added(spec.thresholds, sums, scores[:, t], taken.use[row], forget)
-        cusum[:, :, t], height[:, t] = sums.slow, height_of(spec.thresholds, sums)
+        climbs[:, :, t] = heights_of(spec.thresholds, sums)
     scores[:, first:][:, ~taken.use] = np.nan
     return tuple(
         Watch(
             scores=scores[k],
-            cusum=cusum[:, k],
-            height=height[k],
+            climbs=climbs[:, k],
+            height=taken.height if variant == Variant() else climbs[:, k].max(axis=0),
             slow=slow[k],
             walk=taken.walk,
             walker=taken.walker,
             strayed=taken.strayed,
             alone=alone,
         )
-        for k in range(len(variants))
+        for k, variant in enumerate(variants)
     )
 
 
 def take_recording(core: Core, record: HealthyRecording) -> Taken:
     """Run the monitor with its alarms off."""
     spec, monitor, started = core.spec, Monitor(core, quiet=True), 0
-    running, rows, known, astray = False, list[FloatArray](), list[bool](), list[bool]()
+    rows, known, astray, first = list[FloatArray](), list[bool](), list[bool](), 0
+    height = np.zeros((len(record.points), len(spec.outputs)))
     walk, walker, strayed, since_start = 0.0, -1, np.zeros(len(spec.parameters)), core_settings()["WALKS"]
+    waits = int(core_settings()["PENDING"])  # samples for which rows may change, until it is known what an input was
     for number, point in enumerate(record.points):
-        before = running
-        monitor.step(point)
-        running = monitor.number("clock.running") > 0
-        if running and not before and not started:
-            rows = [monitor.row(k)[0] for k in range(int(monitor.number("clock.begun")), number + 1)]
-            started = len(rows)
-        elif started:
-            rows.append(monitor.row(number)[0])
-        new = len(rows) - len(known)
+        height[number] = np.nan_to_num(monitor.step(point).cusum)
+        if not started and monitor.number("clock.running") > 0:
+            first = int(monitor.number("clock.begun"))
+            started = number + 1 - first
+        if not started:
+            continue
+        rows += [monitor.row(k)[0] for k in range(first + len(rows), number + 1 - waits)]
+        new = number + 1 - first - len(known)
         known += [monitor.knows_inputs] * new
         astray += [bool(monitor.numbers("healthy.astray").any())] * new
         if (walked := monitor.number("healthy.walk")) > 0.0:
             window, who = divmod(int(monitor.number("healthy.walker")), len(spec.parameters))
             walk, walker = (walked, who) if walked > walk else (walk, walker)
             strayed[who] = max(strayed[who], walked) if window == since_start else strayed[who]
+    if started:
+        rows += [monitor.row(k)[0] for k in range(first + len(rows), len(record.points))]
     packed = np.array(rows).reshape(-1, spec.n_sample)
     use = trusted(spec, packed)
     return Taken(
@@ -149,6 +154,7 @@ def take_recording(core: Core, record: HealthyRecording) -> Taken:
         use=use & np.array(known, dtype=bool)[:, None],
         settling=(packed[:, spec.sample_fields["use"]] > 0) & ~use,
         astray=np.array(astray, dtype=bool),
+        height=height[len(record.points) - len(record.time) :],
         walk=walk,
         walker=walker,
         strayed=strayed,

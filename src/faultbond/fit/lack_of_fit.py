@@ -20,7 +20,7 @@ FEW = 12  # samples of a region that are too few to speak of
 AFTER = 10  # samples after a step of an input
 STEP = 0.05  # of an input's range, a change within a sample that is a step
 MOST_MOMENTS = 5
-LOW = 0.3  # of the limit; a smaller climb of the CUSUM is no moment to show
+LOW = 0.3  # of the limit; a smaller climb is no moment to show
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,10 @@ class Region:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """A climb of the CUSUM of a sensor: from when to when (s), its height as a part of the limit, its sign."""
+    """A climb of a sum of a sensor: from when to when (s), and its height as a part of the limit.
+
+    side: 1 where it reads more than expected, -1 less; 0: it scatters more than declared.
+    """
 
     recording: str
     sensor: str
@@ -103,12 +106,12 @@ def _off(
 
 
 def moments(spec: EngineSpec, records: Sequence[HealthyRecording], watches: Sequence[Watch]) -> tuple[Moment, ...]:
-    """Give the highest climbs of the CUSUM of each sensor, the highest first."""
+    """Give the highest climbs of the sums of each sensor, the highest first."""
     found: list[Moment] = []
     limit = spec.thresholds.cusum_limit
     for record, seen in zip(records, watches, strict=True):
         for j, output in enumerate(spec.outputs):
-            for side, sums in zip((1, -1), seen.cusum[:, :, j], strict=True):
+            for side, sums in zip((1, -1, 0), seen.climbs[:, :, j], strict=True):
                 above = np.concatenate([[False], sums > 0.0, [False]])
                 for first, end in np.flatnonzero(np.diff(above)).reshape(-1, 2):
                     top = int(first + np.argmax(sums[first:end]))

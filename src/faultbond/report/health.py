@@ -20,6 +20,7 @@ from faultbond.report.suspects import cure_of_walk
 MOST_REGIONS = 6
 MUCH = 0.8  # of the limit of a walk
 YEAR = 365.25 * 86400.0  # s
+CLIMBS = {1: "reads more than expected", -1: "reads less than expected", 0: "scatters more than declared"}
 WORDS = {"accuracy": "accuracies of the parameters", "noise": "noise of the sensors", "slow": "slow errors"}
 
 
@@ -116,7 +117,7 @@ def where_lines(graph: BondGraph, found: Health) -> list[tuple[str, str]]:
     moments = []
     for item in found.moments:
         where = f" of {item.recording}" if len(found.records) > 1 else ""
-        reads = f"{item.sensor} reads {'more' if item.side > 0 else 'less'} than expected"
+        reads = f"{item.sensor} {CLIMBS[item.side]}"
         height = f"{100 * item.height:.0f} % of the way to an alarm"
         begin, end = clock_text(item.begin), clock_text(item.end)
         when = begin if begin == end else f"{begin} to {end}"

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rich.console import Console
 from rich.text import Text
@@ -43,7 +43,8 @@ class Quieted:
     text : of the model file; held : recordings, or parts, that were held back; stated : whether the model as given
     promises a time between false alarms; before, health : the model as given and
     as it is now, on trial; alarms : when the monitor itself alarms still, by recording; left : what the last round
-    would have added, with what it would gain on the recordings that are fitted
+    would have added, with what it would gain on the recordings that are fitted; stopped : the signal that ended the
+    search
     """
 
     fitted: Fitted
@@ -59,6 +60,7 @@ class Quieted:
     left: tuple[tuple[Imperfection, float], ...]
     smallest_before: tuple[SmallestFault, ...]
     smallest_after: tuple[SmallestFault, ...]
+    stopped: int | None = None
 
     @property
     def quiet(self) -> bool:
@@ -149,6 +151,7 @@ def quiet_record(found: Quieted) -> Record:
         "quiet": found.quiet,
         "held_back": list(found.held),
         "rounds": found.rounds,
+        "stopped": found.stopped is not None,
         "added": [
             {
                 "kind": item.what.kind.value,
@@ -257,7 +260,9 @@ def _left_lines(found: Quieted) -> Iterator[tuple[str, str]]:
 
 
 def quiet_verdict(found: Quieted) -> str:
-    """Say in a sentence what came of it."""
+    """Say in a sentence or two what came of it."""
+    if found.stopped is not None:
+        return f"The search was stopped before its end. {quiet_verdict(replace(found, stopped=None))}"
     between = spacing_text(found.health.between)
     if found.quiet and not found.health.has_room:
         nearest = max(found.health.peak, found.health.walk)

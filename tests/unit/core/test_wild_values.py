@@ -7,10 +7,13 @@ import pytest
 
 from bare_core import CELL, Bare, bare
 from faultbond.arrays import FloatArray
+from faultbond.contract.samples import Sample
 from faultbond.contract.spec import covariance_place
 from faultbond.model.text import parse_model
+from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.compile import find_compiler
+from faultbond.synthesis.engine import build_engine
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 CALLS = """
@@ -163,6 +166,27 @@ def test_while_readings_do_not_tell_an_input_waits() -> None:
     assert np.isnan(core["inputs.odd"][0])
     assert core["inputs.held"][0] == 300.0
     assert core["healthy.lane"][0] > rival
+
+
+def test_what_an_input_was_while_it_waited_is_kept_as_believed() -> None:
+    """Lanes begin at an alarm from samples as they were; a filter that follows them is the healthy one."""
+    voltage = np.r_[BEFORE, np.full(40, 300.0)]
+    u, y = rows(voltage)
+    told = np.isin(np.arange(len(y)), np.arange(100, 108), invert=True)
+    y = np.where(told[:, None], y, NAN)
+    core = build_engine(GRAPH)[1]
+    monitor = Monitor(core, quiet=True)
+    waited = []
+    for k, (each_u, each_y) in enumerate(zip(u, y, strict=True)):
+        monitor.push(Sample(time=DT * k, dt=DT, u=each_u, y=each_y))
+        waited += [k] if np.isfinite(monitor.numbers("inputs.odd")[0]) else []
+    assert waited == list(range(100, 108))
+    place, lane = core.spec.sample_fields["u"], monitor.row(100)[1]
+    for k in range(101, 140):
+        packed, kept = monitor.row(k)
+        assert packed[place][0] == 300.0
+        lane = core.advance(lane[:, None], packed[None])[0][:, 0]
+        assert lane == pytest.approx(kept, rel=1e-9, abs=1e-12)
 
 
 def test_an_input_that_came_back_unseen_leaves_the_states_in_doubt() -> None:

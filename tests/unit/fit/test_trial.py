@@ -6,20 +6,22 @@ from math import erf, log
 import numpy as np
 import pytest
 
+from bare_core import CELL
 from faultbond.contract.samples import Sample
 from faultbond.contract.spec import Thresholds
 from faultbond.equations.plant import build_plant
 from faultbond.fit.certainty import long_run_variance
 from faultbond.fit.cusum import LAGS, added, no_sums
 from faultbond.fit.false_alarms import alarm_rates, cusum_time, scatter_time
-from faultbond.fit.innovations import Watch, watch_recording
+from faultbond.fit.innovations import Variant, Watch, watch_recording
 from faultbond.fit.samples import healthy_recording
 from faultbond.fit.trial import on_trial
 from faultbond.io.examples import example
 from faultbond.io.grid import Grid, on_grid
 from faultbond.io.recording import columns_of, read_rows
-from faultbond.model.text import load_model
+from faultbond.model.text import load_model, parse_model
 from faultbond.runtime.monitor import Monitor
+from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.engine import build_core, build_engine
 from made import run
 
@@ -47,14 +49,40 @@ def test_it_sees_what_the_monitor_sees(lost: dict[str, slice]) -> None:
             u = points[k].u if what == "wild" else np.full(2, np.nan)
             y = {"gap": np.full(2, np.nan), "wild": np.array([1e6, 1e9])}.get(what, points[k].y)
             points[k] = replace(points[k], u=u, y=y)
-    (seen,) = watch_recording(core, healthy_recording("tank", points, core))
+    hardly_else = Variant(noise=1.0 + 1e-12)  # that is watched without the monitor
+    seen = watch_recording(core, healthy_recording("tank", points, core), (hardly_else,))[0]
     monitor = Monitor(core)
     for k, point in enumerate(points):
         report = monitor.step(point)
         if k > spec.thresholds.warm_up_samples:
             assert report.cusum == pytest.approx(seen.height[k], rel=1e-6, abs=1e-6)
             assert report.slow == pytest.approx(seen.slow[k], rel=1e-6, abs=1e-9)
-    assert np.any(seen.height > 1.2 * seen.cusum.max(axis=0), axis=0).all()
+    assert (seen.climbs[2].max(axis=0) > 1.2 * seen.climbs[:2].max(axis=(0, 1))).all()
+
+
+def test_it_sees_what_an_input_was_while_the_monitor_waited() -> None:
+    """An input that goes far for the first time is believed once readings tell; filters beside know it from then on."""
+    graph, step = parse_model(CELL), 0.5
+    voltage = np.r_[np.repeat([2.0, 1.0] * 5, 10), np.full(60, 300.0)]
+    time = np.arange(len(voltage), dtype=np.float64) * step
+    inputs = Inputs(
+        time=np.asarray(time, dtype=np.float64), values=np.stack([voltage, np.full_like(voltage, 0.1)], axis=1)
+    )
+    made = simulate(graph, inputs, seed=3, start={"cell.q": 1.0})
+    core = build_engine(graph)[1]
+    points = [
+        Sample(time=step * k, dt=step, u=u, y=np.full(2, np.nan) if 100 <= k < 108 else y)
+        for k, (u, y) in enumerate(zip(inputs.values, made.outputs, strict=True))
+    ]
+    seen = watch_recording(core, healthy_recording("cell", points, core), (Variant(noise=1.0 + 1e-12),))[0]
+    monitor = Monitor(core, quiet=True)
+    for k, point in enumerate(points):
+        report = monitor.step(point)
+        judged = np.isfinite(seen.scores[k])
+        assert judged[1] == (k >= 20 and not 100 <= k < 108)
+        if k > 108:
+            score = (point.y - report.expected) / np.sqrt(report.variance)
+            assert seen.scores[k, judged] == pytest.approx(score[judged], rel=1e-6, abs=1e-6)
 
 
 @pytest.mark.parametrize("size", [1.6, 1.8])
@@ -101,7 +129,7 @@ def test_the_time_of_a_sensor_is_that_of_its_scatter_too() -> None:
     slow = np.zeros((len(scores), len(built.slow_errors)))
     seen = Watch(
         scores=scores,
-        cusum=np.array([nothing, nothing]),
+        climbs=np.array([nothing, nothing, nothing]),
         height=nothing,
         slow=slow,
         walk=0.0,
