@@ -74,7 +74,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x56454868c5377f94ULL, 0x6aec3700638892d5ULL, 0x798538369c115537ULL, 0xd13e5c3316786e6aULL};
+static const uint64_t MODEL_HASH[] = {0x3ed1d08ea04827a1ULL, 0x4cb5f3496ad8d429ULL, 0x000e29720f45b6a0ULL, 0x64dd638756ff5f0bULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -154,6 +154,7 @@ static const double INPUT_HEALTHY_BIAS[] = {0.0};
 static const int INPUT_RANGED[] = {0};
 static const double OUTPUT_NOISE[] = {0.1};
 static const double OUTPUT_HEALTHY_BIAS[] = {0.0};
+static const double OUTPUT_ZERO[] = {0.0};
 static const int OUTPUT_RANGED[] = {0};
 static const int DIRECT_ROW[] = {0, 0};
 static const int DIRECT_INPUT[] = {0};

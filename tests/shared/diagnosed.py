@@ -43,7 +43,9 @@ PLAIN = build_spec(build_step_model(MODEL))
 N_P = len(PLAIN.parameters)
 SINGLES, PAIRS = (tuple(combinations(range(N_P), size)) for size in (1, 2))
 RESERVE = (*PAIRS[2:], *combinations(range(N_P), 3))
-SPEC = replace(PLAIN, hypotheses=(*SINGLES, *PAIRS[:2]), reserve=RESERVE)
+ZEROS = (0.0, -0.2)  # where the unit of each sensor has its 0, SI
+OUTPUTS = tuple(replace(item, unit_offset=zero) for item, zero in zip(PLAIN.outputs, ZEROS, strict=True))
+SPEC = replace(PLAIN, hypotheses=(*SINGLES, *PAIRS[:2]), reserve=RESERVE, outputs=OUTPUTS)
 
 
 FAR = 100.0  # a factor that no healthy parameter has
@@ -210,7 +212,7 @@ def _record(n_limits: int, largest: int, most: int) -> Any:
 
     forecast = numbers("f8", "limit", "time", "earliest", "latest")
     suspect = numbers("i8", "parameter", "input", "output", "word")
-    values = ("nominal", "estimate", "sd", "rate", "rate_sd", "began", "ended", "moved")
+    values = ("nominal", "estimate", "sd", "rate", "rate_sd", "began", "ended", "moved", "stopped")
     suspect += [*numbers("f8", *values), ("n_forecasts", "i8")]
     suspect += [("forecasts", forecast, (n_limits,))]
     candidate = [*numbers("i8", "hypothesis", "lane", "group", "present", "n_kinds"), ("kinds", "i8", (len(KINDS),))]

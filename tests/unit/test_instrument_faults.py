@@ -61,6 +61,18 @@ def test_gain_multiplies_the_reading_and_not_its_noise(tank: BondGraph, text: st
     assert not off[:20].any()
 
 
+def test_a_gain_is_of_the_unit_of_the_model_file(tank: BondGraph) -> None:
+    """What a thermometer in degC shows is multiplied, not the kelvin inside; stuck at a value it has no gain."""
+    zero = 5000.0  # Pa, as if the pressure were counted from there
+    unit = replace(tank.sensors[PRESSURE].unit, offset=zero)
+    graph = replace(tank, sensors=(tank.sensors[FLOW], replace(tank.sensors[PRESSURE], unit=unit)))
+    quiet, faulty = made(graph, seed=None), made(graph, "pressure.gain=1.1@20", seed=None)
+    shown = quiet.outputs[20:, PRESSURE] - zero
+    np.testing.assert_allclose(faulty.outputs[20:, PRESSURE] - zero, 1.1 * shown, rtol=1e-12)
+    both = made(graph, "pressure.gain=1.1@20", "pressure.stuck=200@20").outputs[20:, PRESSURE]
+    np.testing.assert_allclose(both, zero + 200.0 * unit.factor, rtol=1e-12)
+
+
 def test_stuck_sensor_shows_its_last_reading(tank: BondGraph) -> None:
     """It holds what it showed last, noise included; with a value it shows that."""
     healthy = made(tank).outputs[:, PRESSURE]

@@ -142,6 +142,40 @@ def test_rows_out_of_order_give_no_verdict(
     assert f"faultbond: n{told}\n" in said.err
 
 
+def cut(rows: Rows) -> Rows:
+    """Give rows of which only whole seconds are told."""
+    return [[str(int(float(cells[0]))), *cells[1:]] for cells in rows]
+
+
+def test_times_that_are_cut_to_whole_seconds_give_no_verdict(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A line says how many rows are of no use, and what to do; with `time: none` they all are of use."""
+    recording = recording_in(tmp_path, cut(rows_of()[1]))
+    assert main(["run", MODEL, recording]) == 4
+    told = "882 of 900 rows have the time of another row, as where times are cut to whole seconds;"
+    cure = "write times with all their digits, or, of rows at even steps, state `time: none` in the model file."
+    said = capsys.readouterr()
+    assert f"No verdict: {told} {cure}" in " ".join(said.out.split())
+    assert said.err == f"faultbond: no verdict: {told} {cure}\n"
+    assert main(["check", MODEL, "--data", recording]) == 2
+    assert capsys.readouterr().err == f"{recording}: {told} {cure}\n"
+    counted = tmp_path / "counted.yaml"
+    counted.write_text(Path(MODEL).read_text().replace("sample_time:", "time: none\nsample_time:", 1))
+    assert main(["run", str(counted), recording, "--json", str(tmp_path / "records.jsonl")]) == 0
+    assert (end_of(tmp_path)["samples"], end_of(tmp_path)["duplicate"]) == (900, 0)
+
+
+def test_rows_of_one_second_are_no_harm_where_samples_are_a_second(tmp_path: Path) -> None:
+    """The first row of each sample serves it, as where the other ones lie between samples; of a few repeats alike."""
+    slow = tmp_path / "slow.yaml"
+    slow.write_text(Path(MODEL).read_text().replace("sample_time: 0.02 s", "sample_time: 1 s", 1))
+    recording = recording_in(tmp_path, cut(rows_of(3000)[1]))
+    assert main(["run", str(slow), recording]) == 0
+    rows = rows_of()[1]
+    assert main(["run", MODEL, recording_in(tmp_path, [*rows, *rows[-400:]])]) == 0
+
+
 def test_a_few_late_rows_do_no_harm(tmp_path: Path) -> None:
     """Rows that are sorted in are none that are dropped, and one in a hundred that is dropped costs no verdict."""
     rows = rows_of()[1]

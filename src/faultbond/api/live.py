@@ -14,6 +14,7 @@ import numpy as np
 from faultbond.api.options import PathLike, level_of, method_of, spelled
 from faultbond.api.plant_model import Model, ModelLike, as_model
 from faultbond.api.ranked import RankedCandidate, ranked
+from faultbond.api.result import told_silent, told_verdict
 from faultbond.app.course import Finding
 from faultbond.app.decision import NO_ALARM, chosen_hypothesis
 from faultbond.app.kept_run import read_before
@@ -184,7 +185,7 @@ class Monitor:
     def __repr__(self) -> str:
         samples = self.counts["samples"]
         since = f", since {self.detection.time:.9g} s" if self.detection is not None else ""
-        return f"<Monitor of {self.model.name!r}: {self.verdict}, {samples} samples{since}>"
+        return f"<Monitor of {self.model.name!r}: {self.verdict}, {samples} samples{since}{told_silent(self.silent)}>"
 
     def accept(self, *names: str) -> Decision:
         """Take a candidate as the new normal; without names the best.
@@ -269,8 +270,8 @@ class Monitor:
 
     @property
     def verdict(self) -> str:
-        """`fault`, `healthy` or `none`, of what was seen since this monitor began or was restored."""
-        return self._course.verdict.value
+        """`fault`, `healthy`, `partial` or `none`, as of `Result`, since this monitor began or was restored."""
+        return told_verdict(self._course.verdict, self.silent)
 
     @property
     def no_verdict(self) -> str:

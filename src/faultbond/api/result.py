@@ -1,7 +1,7 @@
 """What a run found, as Python programs hold it."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -18,10 +18,11 @@ from faultbond.api.ranked import RankedCandidate, ranked, table_html
 from faultbond.app.plant_run import PlantRun
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Decision, Detection, Diagnosis, History
-from faultbond.contract.silence import Silent, seconds
+from faultbond.contract.silence import Silent, seconds, unwatched
 from faultbond.errors import FaultbondError
 from faultbond.model.document import is_circuit
 from faultbond.model.graph import BondGraph, Unit
+from faultbond.types import Verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,8 +55,11 @@ class Result:
 
     @property
     def verdict(self) -> str:
-        """`fault`: one was detected; `healthy`; `none`: nothing could be judged, see `no_verdict`."""
-        return self.of_run.verdict.value
+        """`fault`: one was detected. `healthy`, `partial`: none was, by all sensors, or by those not `silent`.
+
+        `none`: nothing could be judged, see `no_verdict`.
+        """
+        return told_verdict(self.of_run.verdict, self.silent)
 
     @property
     def no_verdict(self) -> str:
@@ -197,7 +201,7 @@ class Result:
 
     def __repr__(self) -> str:
         best = f", best {self.best}" if self.best is not None else ""
-        return f"<Result of {self.model.name!r}: {self.verdict}{best}>"
+        return f"<Result of {self.model.name!r}: {self.verdict}{best}{told_silent(self.silent)}>"
 
     def _repr_html_(self) -> str:
         if self.detection is None:
@@ -209,6 +213,16 @@ class Result:
             told += f"{found.change_time:.9g} s."
         head = f"<p><b>{escape(self.model.name)}</b>: {escape(told)}</p>"
         return head + table_html(self.candidates, SHOWN)
+
+
+def told_verdict(verdict: Verdict, silent: Sequence[Silent]) -> str:
+    """Give a verdict in a word: `partial` where no fault was found, but some sensors were not watched."""
+    return "partial" if verdict is Verdict.HEALTHY and unwatched(silent) else verdict.value
+
+
+def told_silent(silent: Sequence[Silent]) -> str:
+    """Name the sensors that gave no value, or none for long, behind a verdict; empty where all did."""
+    return f", not watched: {', '.join(unwatched(silent))}" if unwatched(silent) else ""
 
 
 def _in_unit(values: FloatArray, unit: Unit) -> FloatArray:

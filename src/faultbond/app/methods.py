@@ -36,6 +36,10 @@ class BankWatcher:
         self.asleep, self.lag = core.spec.thresholds.warm_up_samples, 0
         self._monitor = Monitor(core, None if saved is None else _state_of(saved))
 
+    def anew(self) -> "BankWatcher":
+        """Give another watcher of the same plant, at its beginning."""
+        return BankWatcher(self._monitor.core)
+
     @property
     def in_use(self) -> BoolArray:
         """Which sensors are used, (n_outputs,)."""

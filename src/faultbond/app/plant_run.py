@@ -1,7 +1,7 @@
 """`run` on a plant in time: every sample passes the monitor."""
 
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -10,10 +10,11 @@ from typing import Any, TextIO
 from faultbond.app.course import Course, Finding, Following
 from faultbond.app.kept_run import Keeper, read_before, stamp_of
 from faultbond.app.method_face import Watcher
-from faultbond.app.methods import build_method, prepared_bank
+from faultbond.app.methods import BankWatcher, build_method, prepared_bank
 from faultbond.app.plant import WatchedPlant
 from faultbond.app.rows import begun, called, no_time, portions, progress
 from faultbond.app.signals import Stopping
+from faultbond.app.unit_guess import UnitGuess, guess_units, sentence_of
 from faultbond.app.wishes import Wanted
 from faultbond.contract.findings import History
 from faultbond.contract.json_records import run_record
@@ -21,8 +22,8 @@ from faultbond.contract.silence import Silent, seconds
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import GenerationError, RecordingError
 from faultbond.io.files import STANDARD_INPUT, replaced_text
-from faultbond.io.grid import Grid, GridPoint, PointBlock, RowBlock, blocks_of_points
-from faultbond.io.memory_table import Recording
+from faultbond.io.grid import Grid, GridClock, GridPoint, PointBlock, RowBlock, blocks_of_points
+from faultbond.io.memory_table import MemoryTable, Recording
 from faultbond.io.out import Out
 from faultbond.io.recording import Columns, read_blocks
 from faultbond.io.saved import Saved
@@ -32,12 +33,16 @@ from faultbond.types import Method, Verdict
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlantRun:
-    """A run on a plant in time that is over. trace: what it saw, None where nobody asked for it."""
+    """A run on a plant in time that is over.
+
+    trace: what it saw, None where nobody asked for it. units: signals that seem to be recorded in others than declared.
+    """
 
     plant: WatchedPlant
     watcher: Watcher
     course: Course
     trace: Trace | None
+    units: tuple[UnitGuess, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -59,6 +64,8 @@ class PlantRun:
         if not (out.text is not None and out.text.isatty()):
             for item in self.silent:
                 sys.stderr.write(f"faultbond: {item.sentence(seconds)}.\n")
+            if self.units:
+                sys.stderr.write(f"faultbond: {sentence_of(self.units)}\n")
             if self.no_verdict:
                 sys.stderr.write(f"faultbond: no verdict: {self.no_verdict}.\n")
         if self.trace is None:
@@ -116,6 +123,7 @@ class PlantRun:
             no_verdict=self.no_verdict,
             disorder=course.disorder if self.verdict is Verdict.NONE else "",
             silent=self.silent,
+            units=sentence_of(self.units),
         )
 
 
@@ -147,7 +155,39 @@ def watch_plant(
     if not course.counts.samples:
         passed = course.counts.duplicate and before
         raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording))
-    return run
+    return run if live or before is not None else replace(run, units=_units(plant, recording, run))
+
+
+def _units(plant: WatchedPlant, recording: Recording, run: PlantRun) -> tuple[UnitGuess, ...]:
+    """Give what signals seem to be recorded in, where an alarm was raised early."""
+    watcher, alarm = run.watcher, run.course.found.open
+    if not isinstance(watcher, BankWatcher) or alarm is None or run.verdict is not Verdict.FAULT:
+        return ()
+    if not isinstance(recording, MemoryTable) and not Path(recording).is_file():
+        return ()  # what can be read once only
+    points = _points(read_blocks(recording, plant.columns), new_grid(watcher.spec, live=False))
+    with suppress(RecordingError):  # it was read before: what has become of it since is no matter of this run
+        return guess_units(iter(watcher.anew, None), points, alarm)
+    return ()
+
+
+def _points(blocks: Iterable[RowBlock], grid: Grid) -> Iterator[PointBlock]:
+    """Give the grid points of a recording."""
+    for rows in blocks:
+        yield from grid.push_block(rows)
+    yield from blocks_of_points(grid.finish())
+
+
+def new_grid(spec: EngineSpec, *, live: bool, clock: GridClock | None = None) -> Grid:
+    """Give the grid on which rows of a plant are put."""
+    return Grid(
+        spec.sample_time,
+        live=live,
+        noise=[item.noise for item in spec.outputs],
+        clock=clock,
+        row_time=spec.row_time,
+        held=[not item.linear for item in spec.inputs],
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -182,14 +222,7 @@ def begin(
     """
     watcher = _watcher(plant, wanted, before)
     spec = watcher.spec
-    grid = Grid(
-        spec.sample_time,
-        live=live,
-        noise=[item.noise for item in spec.outputs],
-        clock=before.clock if before else None,
-        row_time=spec.row_time,
-        held=[not item.linear for item in spec.inputs],
-    )
+    grid = new_grid(spec, live=live, clock=before.clock if before else None)
     trace = Trace(spec, curves=curves, lag=watcher.lag) if curves or out.text is not None else None
     following = Following(out=out, trace=trace, level=wanted.accept, hear=hear, document=plant.document)
     course = Course(watcher, grid, following, before)

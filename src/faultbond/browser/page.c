@@ -109,6 +109,7 @@ EXPORTED("end") int page_end(void)
     const Counts counts = reader_counts(&the_reader);
     the_course.n_rows = reader_rows(&the_reader);
     the_course.n_dropped = reader_dropped(&the_reader);
+    the_course.n_again = reader_again(&the_reader);
     course_finish(&the_course, &counts);
     if (!counts.samples) {
         the_text = NO_TIMES;

@@ -59,7 +59,7 @@ function misreading(name, item) {
   if (!isOff(item)) return `its ${word} may still be ${word === "bias" ? "0" : "right"}`;
   if (word === "gain") {
     const change = changeText(item.nominal || 0, item.estimate, item.sd);
-    return `it reads ${numberText(value, sd)} times the right value${change ? ` (gain, ${change})` : ""}`;
+    return `it reads ${numberText(value, sd)} times the right value${unit.shownIn}${change ? ` (gain, ${change})` : ""}`;
   }
   const size = withUnit(Math.abs(value), unit.unit, sd);
   if (word === "noise") {
@@ -90,6 +90,10 @@ function changeOf(candidate, name, item) {
   const unit = about(name), isAlone = suspectsOf(candidate).length === 1;
   const isPassing = candidate.kind === "intermittent";
   const passing = isPassing ? ` while the fault is there; it is ${candidate.present ? "there" : "gone"} now` : "";
+  if (item.stopped != null) {
+    const told = `its record has stood still since ${clockText(item.stopped)}, so its meter has stuck`;
+    return isAlone ? `${told}, and what acts is not known` : told.replace(/^its /, `${unit.signal}'s `);
+  }
   if (isUndetermined(name, item)) {
     const its = isAlone ? `its ${unit.word}` : `the ${unit.word} of ${unit.signal}`;
     return `${isInstrument(name) ? its : name} is not determined by the data`;
@@ -171,11 +175,12 @@ function otherwiseText(best) {
 // What a diagnosis says, in plain words.
 function verdictSentence(diagnosis, detection) {
   const group = bestGroup(diagnosis), best = group[0], suspects = suspectsOf(best);
-  const changes = suspects.map(([name, item]) => changeOf(best, name, item) + (item.moved ? MOVES : "")).join("; ");
+  const changes = suspects.map(([name, item]) => changeOf(best, name, item) + (item.moved && item.stopped == null ? MOVES : "")).join("; ");
   const off = noClaim(diagnosis, detection);
   if (off) return `${off} ${nearest(best, group, changes)}`;
   if (group.length > 1) return apart(diagnosis, group, best);
   const isOne = best.components.length === 1, owners = ownersOf(best);
+  if (suspects.length === 1 && suspects[0][1].stopped != null) return `Most likely ${owners} is at fault: ${changes}${certaintyOf(diagnosis)}.`;
   const isMixed = suspects.some(([name]) => isInstrument(name)) || (best.kind === "drift" && suspects.some(([, item]) => item.rate == null));
   let event = `${owners} ${isOne ? "is" : "are"} at fault`;
   if (best.kind === "intermittent") event = `a fault of ${owners} comes and goes`;

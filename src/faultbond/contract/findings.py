@@ -34,7 +34,8 @@ class Suspect:
     nominal: None where there is none, as of the value at which a sensor is stuck. rate, rate_sd: of a drift, per
     second. began, ended: of a ramp, when it began to move and when it came to stay, s. forecasts: when the drift
     reaches the limits that the model file gives. moved: standard deviations by which the value has moved lately, beyond
-    what its variance allows; 0: it has settled. Where it has not, sd covers that.
+    what its variance allows; 0: it has settled. Where it has not, sd covers that. stopped: of an input, since when its
+    record stands still though it scattered before, s.
     """
 
     parameter: str
@@ -48,6 +49,7 @@ class Suspect:
     ended: float | None = None
     forecasts: tuple[Forecast, ...] = ()
     moved: float = 0.0
+    stopped: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

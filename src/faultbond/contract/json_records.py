@@ -182,12 +182,17 @@ def _candidate(candidate: Candidate) -> Record:
 
 
 def _suspect(suspect: Suspect) -> Record:
-    """Give the value of a suspect; a rate where it drifts, times where it has come to stay, `moved` where it moves."""
+    """Give the value of a suspect; a rate where it drifts, times where it has come to stay, `moved` where it moves.
+
+    Of an input whose record stands still also when it `stopped`.
+    """
     value: Record = {"nominal": suspect.nominal, "estimate": suspect.estimate, "sd": suspect.sd}
     if suspect.moved:
         value["moved"] = suspect.moved
     if suspect.began is not None:
         value |= {"began": suspect.began, "ended": suspect.ended}
+    if suspect.stopped is not None:
+        value["stopped"] = suspect.stopped
     if suspect.rate is None:
         return value
     forecasts = [_forecast(item) for item in suspect.forecasts]

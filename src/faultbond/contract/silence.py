@@ -1,6 +1,6 @@
 """Sensors and inputs that gave no value: what they would show was not watched, and that is said."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 SENSOR, INPUT = "sensor", "input"
@@ -36,6 +36,11 @@ class Silent:
             when = [f"from {clock(self.since)}", f"to {clock(self.until)}" if self.until is not None else "on"]
         told = f"the {self.role} {self.name} gave a value in {self.values} of {self.samples} samples"
         return f"{told}, none {' '.join(when)}"
+
+
+def unwatched(silent: Iterable[Silent]) -> tuple[str, ...]:
+    """Give the sensors among these: what they would show was not watched, so that no plant is healthy by the others."""
+    return tuple(item.name for item in silent if item.role == SENSOR)
 
 
 def seconds(time: float) -> str:

@@ -230,10 +230,11 @@ def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:
         roles[place["input"] + lane.input] = float(lane.acts)
         roles[place["obeys"] + lane.input] = float(not lane.sticks)
     if lane.output >= 0:
-        noise = spec.outputs[lane.output].noise
+        output = spec.outputs[lane.output]
+        added = -output.unit_offset if lane.kind is FaultKind.GAIN else output.noise * (lane.kind in _ADDED)
         roles[place["reads"] + lane.output] = float(not (lane.sticks and lane.acts))
         roles[place["gain"] + lane.output] = float(lane.kind is FaultKind.GAIN)
-        roles[place["bias"] + lane.output] = noise * (lane.kind in _ADDED and lane.acts)
+        roles[place["bias"] + lane.output] = added * lane.acts
         roles[place["noise"] + lane.output] = lane.noise
     return roles
 

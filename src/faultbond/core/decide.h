@@ -75,6 +75,7 @@ static void absorb_sensor(State *state, int j, int64_t kind, double size, double
         normal->offset[j] += normal->gain[j] * size * OUTPUT_NOISE[j];
         break;
     case KIND_GAIN:
+        normal->offset[j] -= normal->gain[j] * size * OUTPUT_ZERO[j];
         normal->gain[j] *= 1.0 + size;
         break;
     case KIND_NOISE: {

@@ -24,11 +24,13 @@ static int is_fresh(const State *state)
     return !is_ready(job) || state->clock.index - job->settled <= (job->renewals < 2 ? 2 * FRESH : FRESH);
 }
 
-/* Tell where the best lane does not fit, if the detector would raise an alarm on it. */
+/* Tell where the best lane does not fit, if the detector would raise an alarm on it. Not of an input by itself whose record has
+   stopped: what acts is not known, so that nothing speaks against it. */
 static void find_unexplained(const State *state, int64_t lane, Diagnosis *found)
 {
     const Bank *bank = &state->bank;
     int side = 0, signal = 0;
+    if (found->n_candidates > 0 && has_stopped(&found->candidates[0])) return;
     for (int s = 0; s < 2; s++)
         for (int j = 0; j < N_OUTPUTS; j++)
             if (bank->sums[s][j][lane] > bank->sums[side][signal][lane]) {

@@ -78,7 +78,7 @@ static void no_suspect(Suspect *suspect)
     memset(suspect, 0, sizeof *suspect);
     suspect->parameter = suspect->input = suspect->output = -1;
     suspect->word = WORD_NONE;
-    suspect->nominal = suspect->rate = suspect->rate_sd = suspect->began = suspect->ended = NAN;
+    suspect->nominal = suspect->rate = suspect->rate_sd = suspect->began = suspect->ended = suspect->stopped = NAN;
 }
 
 /* A parameter as a lane of steps has it. */

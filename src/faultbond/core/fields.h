@@ -41,7 +41,8 @@ static const Field FIELDS[] = {
     ENDLESS(inputs.leap), POSITIVE(inputs.guessed), FRACTION(inputs.habit), ENDLESS(inputs.since_step),
     ANYTHING(inputs.change), FIELD(inputs.true_for, -1.0, INFINITY, 0, 0, 1), ANYTHING(inputs.trends), POSITIVE(inputs.rough),
 #if N_NOISY > 0
-    COUNTED(inputs.still), COUNTED(inputs.stood), COUNTED(inputs.turns), FIELD(inputs.way, -1.0, 1.0, 0, 0, 0),
+    COUNTED(inputs.still), COUNTED(inputs.stood), COUNTED(inputs.turns), COUNTED(inputs.idle), FINITE(inputs.since),
+    FIELD(inputs.way, -1.0, 1.0, 0, 0, 0),
 #endif
     MISSING(inputs.inside), MISSING(inputs.odd), NUMBER(inputs.odd_since), ANYTHING(inputs.rival), FINITE(inputs.gain),
     ANYTHING(refused), REACHING(sensors.shown), POSITIVE(sensors.spent), POSITIVE(sensors.nis), FINITE(sensors.mean), POSITIVE(sensors.run), POSITIVE(sensors.cusum),

@@ -100,6 +100,7 @@ static inline void lane_to(double (*block)[FB_LANES], int l, int64_t n, const do
 #define move_inputs SIDE(move_inputs)
 #define learn_inputs SIDE(learn_inputs)
 #define learn_records SIDE(learn_records)
+#define is_at_end SIDE(is_at_end)
 #define follow_record SIDE(follow_record)
 #define begin_trend SIDE(begin_trend)
 #define smooth_input SIDE(smooth_input)
@@ -352,6 +353,7 @@ FB_OF_FLEETS void watch_groups(Fleet *fleet, const Portion *portion, int64_t fir
 #undef move_inputs
 #undef learn_inputs
 #undef learn_records
+#undef is_at_end
 #undef is_blanked
 #undef follow_record
 #undef begin_trend

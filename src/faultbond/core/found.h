@@ -42,6 +42,7 @@ typedef struct {
     double rate, rate_sd; /* of a drift, per second */
     double began, ended;  /* s; of a ramp that has come to its end */
     double moved;         /* sd by which it has moved lately, beyond what its variance allows; 0: it has settled */
+    double stopped;       /* s, from when on the record of the input stands still */
     int64_t n_forecasts;
     Forecast forecasts[FB_ROOM(MOST_LIMITS)];
 } Suspect;

@@ -200,7 +200,11 @@ static void find_suspects(const State *state, int64_t lane, Candidate *candidate
 {
     candidate->present = lane < N_STEPS || SLOT_ACTS[plan_of(&state->bank, lane - N_STEPS)];
     candidate->n_suspects = suspects_of(state, lane, candidate->suspects);
-    for (int64_t k = 0; k < candidate->n_suspects; k++) judge_value(state, lane, k, &candidate->suspects[k]);
+    for (int64_t k = 0; k < candidate->n_suspects; k++) {
+        Suspect *suspect = &candidate->suspects[k];
+        judge_value(state, lane, k, suspect);
+        if (suspect->input >= 0) suspect->stopped = stopped_at(state, suspect->input);
+    }
 }
 
 /* Whether a hypothesis was not ruled out, and has a lane. */

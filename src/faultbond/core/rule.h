@@ -15,14 +15,14 @@
 static void forget_sure(Sure *sure) { sure->hypothesis = sure->since = sure->clear_since = -1; }
 
 /* Whether the best candidate is likely enough, alone in its group, and explains the data with a model that holds; `whole`: with
-   its kind. */
+   its kind. What acts of an input whose record has stopped is not known, so that is nothing to be corrected by. */
 static int is_sure(const Diagnosis *found, double level, int whole)
 {
     const Candidate *best = &found->candidates[0];
     int64_t alike = 0;
     for (int64_t k = 0; k < found->n_candidates; k++) alike += found->candidates[k].group;
     const double share = whole && best->n_kinds > 0 ? best->shares[0] : 1.0;
-    return alike == 1 && best->probability * share >= level && !found->is_unexplained && !(found->mismatch > 0.0);
+    return alike == 1 && best->probability * share >= level && !found->is_unexplained && !has_stopped(best) && !(found->mismatch > 0.0);
 }
 
 /* Take the diagnosis of a sample; `level`: probability from which a candidate is sure. Gives the hypothesis that is to be

@@ -90,10 +90,12 @@ static void unlearned(const double *healthy, const double *old, double *lane)
     }
 }
 
-/* Whether its size is added to what a sensor reads, or to what that shows while it is stuck. */
-static inline int adds_to_reading(int64_t k)
+/* What its size adds for each of it to what sensor j reads, or to what that shows while it is stuck, SI. A gain multiplies what the
+   sensor shows in its own unit, y = z + (1 + size) (h - z) with z where that is 0: in degC it is none of kelvin. */
+static inline double adds_to_reading(int64_t k, int j)
 {
-    return SLOT_KIND[k] != KIND_GAIN && SLOT_KIND[k] != KIND_NOISE;
+    if (SLOT_KIND[k] == KIND_GAIN) return -OUTPUT_ZERO[j];
+    return SLOT_KIND[k] != KIND_NOISE ? OUTPUT_NOISE[j] : 0.0;
 }
 
 /* The roles of lane k of the plan: on what its slot acts. */
@@ -109,7 +111,7 @@ static void set_roles(int64_t k, double (*block)[GROUP], int l)
         const int j = SLOT_OUTPUT[k];
         block[ROLE_READS + j][l] = !(SLOT_STICKS[k] && SLOT_ACTS[k]);
         block[ROLE_GAIN + j][l] = SLOT_KIND[k] == KIND_GAIN;
-        block[ROLE_BIAS + j][l] = adds_to_reading(k) && SLOT_ACTS[k] ? OUTPUT_NOISE[j] : 0.0;
+        block[ROLE_BIAS + j][l] = SLOT_ACTS[k] ? adds_to_reading(k, j) : 0.0;
         block[ROLE_NOISE + j][l] = SLOT_NOISE[k];
     }
 }

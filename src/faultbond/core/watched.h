@@ -34,8 +34,10 @@ typedef struct {
     real rough[FB_ROOM(N_SMOOTH)];      /* and the variance of what is left of their noise, in that; 0: not told yet */
 #if N_NOISY > 0
     real still[N_NOISY];                /* of records that scatter: samples up to this one for which each has been the same, */
-    real stood[N_NOISY];                /* the most of these up to the alarm, */
-    real turns[N_NOISY];                /* how often it turned back until then, */
+    real stood[N_NOISY];                /* the most of these up to the alarm, but for those at an end of where it had been, */
+    real idle[N_NOISY];                 /* samples at such an end until then: it may have been at rest there, */
+    real since[N_NOISY];                /* s, when it moved last, */
+    real turns[N_NOISY];                /* how often it turned back within until then, */
     real way[N_NOISY];                  /* and where it moved last: 1 up, -1 down; 0: it has not moved yet */
 #endif
     real inside[FB_ROOM(N_INPUTS)];     /* where the model does not hold: last values for which it did; nan: none */

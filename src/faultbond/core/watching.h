@@ -92,16 +92,27 @@ static inline void learn_inputs(Inputs *inputs, const Sample *sample, flag gap, 
 }
 
 #if N_NOISY > 0
+/* Whether a value of an input is at an end of where it has been. */
+static inline flag is_at_end(const Inputs *inputs, int k, real value)
+{
+    return (value <= inputs->lowest[k]) | (value >= inputs->highest[k]);
+}
+
 /* What is known of records that scatter: how long each has been the same to the last digit, and for how long at most, and how
-   often it turned back, up to the alarm. What is not told stays the same. */
+   often it turned back, up to the alarm. What is not told stays the same. One that is switched off stands at an end of where it has
+   been, and tells nothing there of how it scatters; nor does a command that goes from end to end. */
 static inline void learn_records(const Clock *clock, const Sample *sample, Inputs *inputs)
 {
     const flag healthy = clock->alarm < 0;
     for (int k = 0; k < N_NOISY; k++) {
         const real moved = inputs->held[NOISY[k]] - inputs->earlier[NOISY[k]], way = PICK(moved > 0.0, SAME(1.0), SAME(-1.0));
         const flag goes = is_finite(sample->u[NOISY[k]]) & (moved != 0.0);
-        const flag turns = healthy & goes & (way * inputs->way[k] < 0.0);
-        inputs->stood[k] = PICK(healthy & goes, greater(inputs->stood[k], inputs->still[k]), inputs->stood[k]);
+        const flag within = healthy & goes & NOT(is_at_end(inputs, NOISY[k], inputs->earlier[NOISY[k]]));
+        const flag rests = is_at_end(inputs, NOISY[k], inputs->held[NOISY[k]]);
+        const flag turns = within & (way * inputs->way[k] < 0.0);
+        inputs->stood[k] = PICK(within, greater(inputs->stood[k], inputs->still[k]), inputs->stood[k]);
+        inputs->idle[k] = PICK(healthy & rests, inputs->idle[k] + 1.0, inputs->idle[k]);
+        inputs->since[k] = PICK(goes, SAME(sample->time), inputs->since[k]);
         inputs->turns[k] = PICK(turns, inputs->turns[k] + 1.0, inputs->turns[k]);
         inputs->way[k] = PICK(goes, way, inputs->way[k]);
         inputs->still[k] = PICK(goes, SAME(0.0), inputs->still[k] + 1.0);

@@ -199,13 +199,11 @@ class Grid:
         self._times: deque[float] = deque(maxlen=LOOK_BACK)  # their times
         self._origin: tuple[int, float] | None = None  # index and time of the point at which the grid began
         self._usual = 0.0  # interval of rows before the grid began anew
-        self._last_index = -1
-        self._last_time = math.nan
+        self._last_index, self._last_time = -1, math.nan
         self._passed = -math.inf  # rows up to this time were passed by an earlier grid
         self._firsts: tuple[str, ...] = clock.firsts if clock else ()
         self._began = False  # whether a row with a time has come
-        self.n_rows = 0  # with a time that were taken, those of grids before not among them
-        self.n_dropped = 0  # of these, that came too late to be used
+        self.n_rows, self.n_dropped, self.n_again = 0, 0, 0  # taken by this grid; too late; with the time of another
         self._best: tuple[int, float, Row] | None = None  # newest grid point: index, distance and nearest row so far
         self._means: RowMeans | None = None
         if row_time is not None and sample_time is not None:
@@ -464,6 +462,7 @@ class Grid:
             _, _, late, row = heapq.heappop(self._waiting)
             if row.time in self._times:
                 self._tally["duplicate"] += 1
+                self.n_again += 1
                 continue
             self._tally["late"] += late
             if not self._times or row.time > self._times[-1]:
@@ -526,6 +525,12 @@ class Grid:
                 f"samples of {self._step or self._interval():g} s. Check the unit of the time column and sample_time."
             )
         return True
+
+    @property
+    def repeats_times(self) -> bool:
+        """Whether most rows have the time of another one, and the others are too few for the grid, if there is one."""
+        usual, step = self._interval() or self._usual, self._step
+        return 2 * self.n_again > self.n_rows and (step is None or usual > GAP * step)
 
     def _interval(self) -> float:
         """Give the mean interval of the last rows; 0 as long as they are few."""

@@ -21,7 +21,8 @@ typedef struct Course {
     Found found, before; /* what that had found, and what has been found since */
     double time;  /* of the last point, s; nan: there was none */
     Presence presence;        /* of inputs and sensors in this run */
-    int64_t n_rows, n_dropped; /* rows of this run, and those that came too late to be used; set before the run ends */
+    int64_t n_rows, n_dropped; /* rows of this run, and those that came too late to be used; set before the run ends, */
+    int64_t n_again;           /* as is how many have the time of another row, where these are too many */
     int64_t told; /* point of the last diagnosis; -1: none in this run */
     int64_t lost; /* points at which the filter lost the plant in this run */
     int is_refused; /* whether the core refused what its own rule accepts: a defect */
@@ -201,8 +202,8 @@ static int any_value(const int64_t *values, int n)
     return any;
 }
 
-/* Whether too many rows came too late to be used. */
-static int is_disordered(const Course *course) { return course->n_dropped * FEW_DROPPED > course->n_rows; }
+/* Whether too many rows came too late to be used, or have the time of another row. */
+static int is_disordered(const Course *course) { return course->n_again > 0 || course->n_dropped * FEW_DROPPED > course->n_rows; }
 
 /* Say why this run says nothing about the plant; 0 where it does. samples: passed so far. */
 static int no_verdict(const Course *course, int64_t samples, char reason[REASON_ROOM])
@@ -211,6 +212,13 @@ static int no_verdict(const Course *course, int64_t samples, char reason[REASON_
     const int64_t holds = samples - found->waiting - found->outside;
     const int64_t *values = course->presence.values;
     const char *silent = first_absent(OUTPUT_NAMES, values, N_OUTPUTS);
+    if (course->n_again > 0) {
+        snprintf(reason, REASON_ROOM,
+                 "%lld of %lld rows have the time of another row, as where times are cut to whole seconds; write times with all their "
+                 "digits, or, of rows at even steps, state `time: none` in the model file",
+                 (long long)course->n_again, (long long)course->n_rows);
+        return 1;
+    }
     if (is_disordered(course)) {
         snprintf(reason, REASON_ROOM, "%lld of %lld rows came too late to be used; sort the rows by time", (long long)course->n_dropped,
                  (long long)course->n_rows);

@@ -34,8 +34,8 @@ typedef struct {
 /* waiting: in the order of time. newest: time of the newest row. behind: the last rows, if they are too old and go on from each
    other. placed: the last rows placed, a ring in which the next one goes to `next_place`. has_origin, origin_index,
    origin_time: the point at which the grid began. usual: interval of rows before it began anew. passed: rows up to this time
-   were passed by an earlier grid. n_rows, n_dropped: rows with a time that were taken since the grid began, and those of them
-   that came too late to be used. served: rows whose points are to be given, of which `n_given` are. */
+   were passed by an earlier grid. n_rows, n_dropped, n_again: rows with a time that were taken since the grid began, those of
+   them that came too late to be used, and those that have the time of another row. served: rows whose points are to be given, of which `n_given` are. */
 typedef struct {
     Counts counts;
     Frozen frozen;
@@ -45,7 +45,7 @@ typedef struct {
     ServedRow served[GRID_SERVED];
     int n_waiting, n_behind, n_placed, next_place, n_served, n_given;
     int has_origin, has_begun;
-    int64_t n_rows, n_dropped;
+    int64_t n_rows, n_dropped, n_again;
     int64_t origin_index, last_index, n_firsts;
     double newest, origin_time, usual, last_time, passed;
     uint64_t firsts[KEPT_FIRSTS];
@@ -166,6 +166,13 @@ static inline double usual_interval(const Grid *grid)
 {
     const int n = grid->n_placed;
     return n >= GRID_CLOCK_ROWS ? (placed_time(grid) - placed_row(grid, 0)->time) / (n - 1) : 0.0;
+}
+
+/* Whether most rows have the time of another one, and the others are too few for the grid, if there is one. */
+static inline int repeats_times(const Grid *grid)
+{
+    const double interval = usual_interval(grid), usual = interval != 0.0 ? interval : grid->usual;
+    return 2 * grid->n_again > grid->n_rows && (READ_IS_VARIABLE || usual > GRID_GAP * READ_STEP);
 }
 
 /* Whether a time is that of one of the rows placed last, which are in order. */
@@ -299,6 +306,7 @@ static inline int let_go(Grid *grid, const TableRow *row, int is_late, char *mes
 {
     if (was_placed(grid, row->time)) {
         grid->counts.duplicate++;
+        grid->n_again++;
         return 0;
     }
     grid->counts.late += is_late;

@@ -224,6 +224,7 @@ static void end_run(const Reader *reader, Course *course, Keeper *keeper)
     if (keeper->path && reader_clock(reader, &clock)) keep_run(keeper, &clock, course, 1);
     course->n_rows = reader_rows(reader);
     course->n_dropped = reader_dropped(reader);
+    course->n_again = reader_again(reader);
     course_finish(course, &counts);
     mind_output(course->json->out);
     if (course->json->out->lost && !is_output_closed(course->json->out))

@@ -164,10 +164,13 @@ static inline int reader_next(Reader *reader, Point *point)
 /* What has been passed so far, with what an earlier reader passed. */
 static inline Counts reader_counts(const Reader *reader) { return reader->grid.counts; }
 
-/* How many rows with a time were taken since this reader began, and how many of them came too late to be used. */
+/* How many rows with a time were taken since this reader began, how many of them came too late to be used, and how many have the
+   time of another row; those only where they are too many. */
 static inline int64_t reader_rows(const Reader *reader) { return reader->grid.n_rows; }
 
 static inline int64_t reader_dropped(const Reader *reader) { return reader->grid.n_dropped; }
+
+static inline int64_t reader_again(const Reader *reader) { return repeats_times(&reader->grid) ? reader->grid.n_again : 0; }
 
 /* Whether all points of the rows so far are given, so that the clock and the points are of one moment. It is so after each
    READER_WAITS, and between two points wherever the next one is of another row. */

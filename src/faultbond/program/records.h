@@ -159,7 +159,8 @@ static void write_forecasts(Json *json, const Suspect *suspect)
     json_close(json, ']');
 }
 
-/* A suspect with its name; a rate where it drifts, times where it has come to stay, `moved` where it moves. */
+/* A suspect with its name; a rate where it drifts, times where it has come to stay, `moved` where it moves,
+   `stopped` of an input whose record stands still. */
 static void write_suspect(Json *json, const Suspect *suspect)
 {
     if (suspect->parameter >= 0) json_key(json, PARAMETER_NAMES[suspect->parameter]);
@@ -173,6 +174,7 @@ static void write_suspect(Json *json, const Suspect *suspect)
         tell_real(json, "began", suspect->began);
         tell_real(json, "ended", suspect->ended);
     }
+    if (!isnan(suspect->stopped)) tell_real(json, "stopped", suspect->stopped);
     if (!isnan(suspect->rate)) {
         tell_real(json, "rate", suspect->rate);
         tell_real(json, "rate_sd", suspect->rate_sd);

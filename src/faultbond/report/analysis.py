@@ -21,10 +21,12 @@ from faultbond.analysis.twins import Comparison
 from faultbond.contract.json_records import Record
 from faultbond.diagnosability.isolability import Isolability
 from faultbond.model.graph import BondGraph, Unit
+from faultbond.model.units import measure
 from faultbond.report.console import lines, table, title, under
 from faultbond.report.names import LISTED, braced, listed, some
 from faultbond.report.numbers import duration_text, figure, join, unit_text, with_noun, with_unit
 from faultbond.report.structure import causality_record, inseparable
+from faultbond.types import ElementType
 
 LISTED_SENSORS = 4
 NO_EFFECT = 1e-3  # noise standard deviations below which an effect is none
@@ -264,6 +266,25 @@ def print_smallest(console: Console, graph: BondGraph, found: Sequence[SmallestF
         rows.append((item.parameter, change, unit_text(unit.text), part, effects, ", ".join(item.alike)))
     header = ("parameter", "change", "unit", "of nominal", "largest effect, in noise sd", "then alike")
     table(console, header, rows)
+    lines(console, heat_lines(graph, [item.parameter for item in found]))
+
+
+def heat_lines(graph: BondGraph, names: Collection[str]) -> list[tuple[str, str]]:
+    """Say of heat capacities among these what a smallest fault of them is; nothing where there is none.
+
+    Heat counts from 0 K. One that stays where the capacity jumps is another temperature at once, by far more than a
+    capacity that changes while the plant is cold, or slowly, ever shows.
+    """
+    kelvins = {item.name: dict(measure(item.unit.text).dimension.powers).get("kelvin", 0) for item in graph.parameters}
+    stores = {name for item in graph.components if item.type is ElementType.C for name in item.parameters}
+    told = [name for name in names if name in stores and kelvins[name] == -1]
+    if not told:
+        return []
+    text = (
+        "a jump, at which the heat stays; it counts from 0 K, so that 0.1 % are 0.3 K at once. "
+        "A change that comes slowly has to be much larger"
+    )
+    return [(join(told), text)]
 
 
 def _unit_of(graph: BondGraph, name: str) -> tuple[Unit, float]:

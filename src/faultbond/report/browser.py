@@ -19,7 +19,7 @@ from faultbond.report.chart import Json
 from faultbond.report.drawing import STRONGEST, draw, graph_title
 from faultbond.report.html import STATIC
 from faultbond.report.numbers import Notation, unit_text
-from faultbond.report.suspects import UNDETERMINED_SHARE, instrument_title, owner_title, unit_of, with_article
+from faultbond.report.suspects import UNDETERMINED_SHARE, instrument_title, owner_title, shown_in, unit_of, with_article
 from faultbond.report.template import page_template
 from faultbond.report.verdict import step_text
 from faultbond.types import FaultKind
@@ -139,5 +139,6 @@ def _suspects(graph: BondGraph) -> list[tuple[str, Json]]:
         for word in _WORDS:
             key = f"{name}.{word.value}"
             about = {"title": title, "owner": with_article(title), "part": name, "word": word.value}
+            about["shownIn"] = shown_in(graph, key, Notation.PRINT)
             found.append((key, {**about, "signal": name, "isInput": is_input, **_unit(unit_of(graph, key))}))
     return found

@@ -16,6 +16,7 @@ from faultbond.fit.trial import Health
 from faultbond.model.amend import Path, amended
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.model.rewrite import NewSize, parameter_path, rewrite
+from faultbond.report.analysis import heat_lines
 from faultbond.report.console import lines, table, title, under
 from faultbond.report.doubts import stray_records
 from faultbond.report.fit_result import Fitted
@@ -200,6 +201,7 @@ def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
     if found.smallest_after:
         title(console, "What it costs", _within(found.smallest_after))
         table(console, ("suspect", "smallest fault before", "now", "unit"), list(_cost_rows(found)))
+        lines(console, heat_lines(found.fitted.graph, [item.parameter for item in found.smallest_after]))
     if not found.quiet or found.raised or not found.health.has_room:
         title(console, "What could not be mended")
         lines(console, list(_left_lines(found)))

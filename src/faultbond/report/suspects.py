@@ -8,6 +8,7 @@ from faultbond.model.graph import BondGraph, Parameter, Unit
 from faultbond.report.numbers import (
     Notation,
     change_text,
+    clock_text,
     coarse_clock_text,
     duration_text,
     figure,
@@ -67,6 +68,15 @@ def unit_of(graph: BondGraph, name: str) -> Unit:
     return units[signal] if word == FaultKind.STUCK.value else Unit(units[signal].text, units[signal].factor)
 
 
+def shown_in(graph: BondGraph, name: str, notation: Notation) -> str:
+    """Say in which unit a gain multiplies, where its 0 is not that of SI: of `T.gain` ` in degC`; else empty."""
+    signal, word = instrument_of(name)
+    units = {item.name: item.unit for item in graph.inputs} | {item.name: item.unit for item in graph.sensors}
+    if word != FaultKind.GAIN.value or signal not in units or not units[signal].offset:
+        return ""
+    return f" in {unit_text(units[signal].text, notation)}"
+
+
 def instrument_title(graph: BondGraph, name: str) -> str:
     """Name a sensor or an input as such: `flow sensor`, `input u_in`."""
     return f"input {name}" if any(item.name == name for item in graph.inputs) else f"{name} sensor"
@@ -122,6 +132,9 @@ def change_of(graph: BondGraph, candidate: Candidate, suspect: Suspect, now: flo
     """
     name, unit = suspect.parameter, unit_of(graph, suspect.parameter)
     signal, word = instrument_of(name)
+    if suspect.stopped is not None:
+        told = f"its record has stood still since {clock_text(suspect.stopped)}, so its meter has stuck"
+        return f"{told}, and what acts is not known" if len(candidate.suspects) == 1 else _named(told, signal)
     if is_undetermined(graph, suspect):
         its = f"the {word} of {signal}" if len(candidate.suspects) > 1 else f"its {word}"
         return f"{its if signal else name} is {UNDETERMINED}"
@@ -179,7 +192,8 @@ def _misreading(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
     if word == FaultKind.GAIN.value:
         change = change_text(suspect.nominal or 0.0, suspect.estimate, suspect.sd)
         bracket = f" (gain, {change})" if change else ""
-        return f"it reads {figure(value, sd).number(notation)} times the right value{bracket}"
+        where = shown_in(graph, suspect.parameter, notation)
+        return f"it reads {figure(value, sd).number(notation)} times the right value{where}{bracket}"
     size = with_unit(abs(value), unit.text, notation, sd=sd)
     if word == FaultKind.NOISE.value:
         times = figure(suspect.estimate / (suspect.nominal or 1.0), digits=2).number(notation)
@@ -235,6 +249,8 @@ def cure_of_walk(parameter: str) -> str:
 
 def otherwise(candidate: Candidate) -> str:
     """Name the other kinds of fault that it may be, as a sentence; empty where the likeliest one is clear."""
+    if any(suspect.stopped is not None for suspect in candidate.suspects):
+        return ""
     others = [
         f"{KIND_WORDS[kind]} ({100.0 * share:.0f} %)"
         for kind, share in candidate.kinds

@@ -17,7 +17,7 @@ from faultbond.contract.findings import (
     Unexplained,
     Walk,
 )
-from faultbond.contract.silence import SENSOR, Silent
+from faultbond.contract.silence import SENSOR, Silent, unwatched
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.report.checks import CheckRow, action, check_rows
@@ -58,7 +58,7 @@ class RunCounts:
 
     no_verdict: why the run says nothing about the plant; empty where it does. disorder: the same where rows are so
     much out of order that an alarm says nothing either. silent: sensors and inputs that gave no value, hardly any, or
-    none for long.
+    none for long. units: that signals seem to be recorded in other units than the model file says, if any do.
     """
 
     samples: int
@@ -76,6 +76,7 @@ class RunCounts:
     no_verdict: str = ""
     disorder: str = ""
     silent: tuple[Silent, ...] = ()
+    units: str = ""
 
     def defects(self) -> str:
         """Say what was wrong with the recording, `3 missing, 1 late`; empty where nothing was."""
@@ -138,7 +139,10 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
     return RunView(
         state=_state(history, counts),
         verdict=" ".join(
-            filter(None, (verdict_sentence(graph, history, counts, notation), early_sentence(graph, history)))
+            filter(
+                None,
+                (counts.units, verdict_sentence(graph, history, counts, notation), early_sentence(graph, history)),
+            )
         ),
         sensors=", ".join(sensor.name for sensor in graph.sensors),
         step=step_text(graph),
@@ -166,7 +170,7 @@ def _state(history: History, counts: RunCounts) -> str:
         return "fault"
     if counts.no_verdict:
         return "open"
-    return "partial" if any(item.role == SENSOR for item in counts.silent) else "healthy"
+    return "partial" if unwatched(counts.silent) else "healthy"
 
 
 def _notes(silent: Sequence[Silent]) -> tuple[str, ...]:
@@ -288,10 +292,11 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
     if diagnosis is None:
         return "A fault was detected; there is no diagnosis yet."
     group = best_group(diagnosis)
-    best, one = group[0], len(group[0].components) == 1
+    best = group[0]
     owners = _joined_owners(graph, best.suspects)
     changes = "; ".join(
-        change_of(graph, best, suspect, diagnosis.time, notation) + (MOVES if suspect.moved else "")
+        change_of(graph, best, suspect, diagnosis.time, notation)
+        + (MOVES if suspect.moved and suspect.stopped is None else "")
         for suspect in best.suspects
     )
     off = _no_claim(diagnosis, history.open)
@@ -311,15 +316,18 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         if not diagnosis.advice:
             return f"Cannot yet be told apart: {listed}; more data, or a change of input, would be needed.{hint}"
         return f"Cannot yet be told apart: {listed}.{hint} Best next: {action(graph, diagnosis.advice[0], notation)}."
-    if best.kind is FaultKind.INTERMITTENT:
-        event = f"a fault of {owners} comes and goes"
-    elif best.kind in (FaultKind.STEP, FaultKind.RAMP, FaultKind.DRIFT) and not (
-        _has_instrument(best) or _is_couple(best)
-    ):
-        event = f"{owners} " + ("changed" if best.kind is not FaultKind.DRIFT else "drifts" if one else "drift")
-    else:
-        event = f"{owners} {'is' if one else 'are'} at fault"
-    return f"Most likely {event}: {changes}{_certainty(diagnosis)}.{otherwise(best)}"
+    return f"Most likely {_event(best, owners)}: {changes}{_certainty(diagnosis)}.{otherwise(best)}"
+
+
+def _event(best: Candidate, owners: str) -> str:
+    """Say of the best candidate that it changed, drifts, comes and goes, or is at fault."""
+    one = len(best.components) == 1
+    if best.kind is FaultKind.INTERMITTENT and not _has_stopped(best):
+        return f"a fault of {owners} comes and goes"
+    is_moved = best.kind in (FaultKind.STEP, FaultKind.RAMP, FaultKind.DRIFT)
+    if is_moved and not (_has_instrument(best) or _is_couple(best)):
+        return f"{owners} " + ("changed" if best.kind is not FaultKind.DRIFT else "drifts" if one else "drift")
+    return f"{owners} {'is' if one else 'are'} at fault"
 
 
 def _watched(graph: BondGraph, counts: RunCounts) -> str:
@@ -442,21 +450,28 @@ def table_rows(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> tu
     rows = []
     for place, candidate in enumerate(diagnosis.candidates[:TABLE_ROWS]):
         if place < 3 or candidate.group or candidate.probability >= NEGLIGIBLE:
-            told = [(kind.value, share) for kind, share in candidate.kinds if share >= OTHERWISE]
-            kinds = [f"{word} {100.0 * share:.0f} %" for word, share in told] if len(told) > 1 else []
             suspects = [
                 rows_of(graph, suspect, notation, "+ " if number else "")
                 for number, suspect in enumerate(candidate.suspects)
             ]
             row = TableRow(
                 suspects=tuple(chain.from_iterable(suspects)),
-                kinds=(*(kinds or [candidate.kind.value]), *([] if candidate.present else ["now gone"])),
+                kinds=_kinds_told(candidate),
                 probability=candidate.probability,
                 percent=probability_text(candidate.probability),
                 group=candidate.group or place == 0,
             )
             rows.append(row)
     return tuple(rows)
+
+
+def _kinds_told(candidate: Candidate) -> tuple[str, ...]:
+    """Give the kind of fault of a candidate, or several with their shares, a line each."""
+    if _has_stopped(candidate):
+        return ("record stands",)
+    told = [(kind.value, share) for kind, share in candidate.kinds if share >= OTHERWISE]
+    kinds = [f"{word} {100.0 * share:.0f} %" for word, share in told] if len(told) > 1 else [candidate.kind.value]
+    return (*kinds, *([] if candidate.present else ["now gone"]))
 
 
 def remainder_text(diagnosis: Diagnosis, rows: Sequence[TableRow]) -> str:
@@ -480,6 +495,11 @@ def _joined_owners(graph: BondGraph, suspects: Sequence[Suspect]) -> str:
 
 def _has_instrument(candidate: Candidate) -> bool:
     return any(instrument_of(suspect.parameter)[0] for suspect in candidate.suspects)
+
+
+def _has_stopped(candidate: Candidate) -> bool:
+    """Whether it is an input whose record has stopped, and nothing else."""
+    return len(candidate.suspects) == 1 and candidate.suspects[0].stopped is not None
 
 
 def _is_couple(candidate: Candidate) -> bool:

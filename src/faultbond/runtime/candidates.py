@@ -97,6 +97,7 @@ def _suspect(spec: EngineSpec, found: Any) -> Suspect:
         began=_number(found["began"]),
         ended=_number(found["ended"]),
         moved=float(found["moved"]),
+        stopped=_number(found["stopped"]),
         forecasts=tuple(
             Forecast(
                 limit=float(item["limit"]),

@@ -76,7 +76,7 @@ class Core:
                 *((name, _INT) for name in ("parameter", "input", "output", "word")),
                 *(
                     (name, _REAL)
-                    for name in ("nominal", "estimate", "sd", "rate", "rate_sd", "began", "ended", "moved")
+                    for name in ("nominal", "estimate", "sd", "rate", "rate_sd", "began", "ended", "moved", "stopped")
                 ),
                 ("n_forecasts", _INT),
                 ("forecasts", forecast, (max(most_limits, 1),)),

@@ -1,6 +1,7 @@
 """What sensors show of what they read, and what acts of the inputs that are recorded, faults of them included.
 
-Healthy or not, an instrument gives gain * value + bias + noise, or, while it is stuck, what it gave before.
+Healthy or not, an instrument gives gain * value + bias + noise, in its own unit, or, while it is stuck, what it gave
+before.
 """
 
 from collections.abc import Sequence
@@ -20,7 +21,7 @@ FREE = -1  # not stuck
 class Instruments:
     """How sensors, or inputs, are at each row.
 
-    gain, bias, noise : (n, n_items), SI
+    gain, bias, noise : (n, n_items), SI; a gain of a unit whose 0 is elsewhere, as of degC, has its part in the bias
     growth : (n_items,), by how much of its own the noise grows, per SI of what is shown without it
     held : (n, n_items), number of the row whose value stays, `FREE` where the instrument is not stuck
     """
@@ -81,6 +82,9 @@ def instruments(items: Sequence[Sensor | Input], faults: Sequence[Fault], time: 
             field[:, k] = value_over_time(
                 healthy, [fault for fault in own if fault.kind == kind.value], time, after=True
             )
+        found.bias[:, k] += (
+            1.0 - found.gain[:, k]
+        ) * item.unit.offset  # a gain is of the unit: in degC it is none of kelvin
         for fault in sorted(own, key=lambda fault: fault.start):
             if fault.kind == FaultKind.STUCK.value:
                 _stick(found, k, fault, time)

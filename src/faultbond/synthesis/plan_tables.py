@@ -114,6 +114,7 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
     yield integers("INPUT_RANGED", (item.ranged for item in spec.inputs))
     yield numbers("OUTPUT_NOISE", (item.noise for item in spec.outputs))
     yield numbers("OUTPUT_HEALTHY_BIAS", (item.healthy_bias for item in spec.outputs))
+    yield numbers("OUTPUT_ZERO", (item.unit_offset for item in spec.outputs))
     yield integers("OUTPUT_RANGED", (item.ranged for item in spec.outputs))
     yield from ragged_table("DIRECT", [item.direct_inputs for item in spec.outputs], "INPUT")
 

@@ -381,3 +381,20 @@ def test_a_result_tells_a_sensor_that_never_read() -> None:
     result = fb.run(model, table)
     assert [(item.name, item.values) for item in result.silent] == [("omega", 0)]
     assert result.detection is not None or "The sensor omega gave no value" in result._repr_html_()
+
+
+def test_a_plant_is_not_called_healthy_by_half_of_its_sensors() -> None:
+    """No fault was found by the others: that is `partial`, of a result and of a monitor, with the names of the rest."""
+    model = fb.example("dc_motor_current")
+    whole = np.genfromtxt(model.recordings["healthy"], delimiter=",", names=True)[:600]
+    table = {name: whole[name].copy() for name in ("time", "V", "omega", "i")}
+    assert fb.run(model, table).verdict == "healthy"
+    table["i"][:] = np.nan
+    result = fb.run(model, table)
+    assert result.verdict == "partial"
+    assert repr(result) == "<Result of 'DC motor with current': partial, not watched: i>"
+    monitor = fb.Monitor(model)
+    for time, *values in zip(*table.values(), strict=True):
+        monitor.update(time, dict(zip(("V", "omega", "i"), values, strict=True)))
+    assert monitor.verdict == "partial"
+    assert repr(monitor).endswith(", not watched: i>")

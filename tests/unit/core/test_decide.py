@@ -131,6 +131,7 @@ def test_an_instrument_is_corrected(state: Diagnosed, item: SlotLane, rate: floa
     elif item.acts and (item.kind in (FaultKind.BIAS, FaultKind.RAMP) or (item.kind is FaultKind.DRIFT and rate < 1.0)):
         after["offset"][j] += after["gain"][j] * 0.3 * SPEC.outputs[j].noise
     elif item.acts and item.kind is FaultKind.GAIN:
+        after["offset"][j] -= after["gain"][j] * 0.3 * SPEC.outputs[j].unit_offset
         after["gain"][j] *= 1.3
     elif item.acts and item.kind is FaultKind.NOISE:
         suspect = state.one.view(state.record["candidates"].base)[0]["suspects"][0]

@@ -2,6 +2,7 @@
 
 import ctypes
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,7 +41,11 @@ slow_error: {first.f: 1 % over 20 s}
 """
 GRAPH = parse_model(CELL)
 PLANT = build_plant(GRAPH)
-SPEC = build_spec(build_step_model(PLANT))
+STATED = build_spec(build_step_model(PLANT))
+ZEROS = (0.03, -0.2)  # where the unit of each sensor has its 0, SI
+SPEC = replace(
+    STATED, outputs=tuple(replace(item, unit_offset=zero) for item, zero in zip(STATED.outputs, ZEROS, strict=True))
+)
 WIDE, PLAN = SPEC.slotted, plan_slots(SPEC)
 RAMPED, SWITCHED = PLAN.ramped, PLAN.switched
 N, SIZE, RATE = PLAN.n_lanes, WIDE.slot_slice.start, WIDE.slot_slice.start + 1
@@ -224,6 +229,7 @@ def begun(k: int, place: int, n_seen: int, of: tuple[FloatArray, FloatArray], ol
         role["noise"][j], role["gain"][j] = item.noise, item.kind is FaultKind.GAIN
         role["reads"][j] = not (item.sticks and item.acts)
         role["bias"][j] = noise * (item.acts and item.kind not in (FaultKind.GAIN, FaultKind.NOISE))
+        role["bias"][j] -= SPEC.outputs[j].unit_offset * role["gain"][j]
         seen = [row[SPEC.sample_fields["y"]][j] for row in samples[:n_seen] if row[SPEC.sample_fields["use"]][j]]
         lane[SIZE] = ([0.0, *seen][-1] / noise) if item.sticks else lane[SIZE]
     lane[WIDE.covariance_slice] = pack(wide)

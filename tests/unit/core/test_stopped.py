@@ -14,9 +14,11 @@ pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler o
 SETTINGS = core_settings()
 TURNS, MOST = SETTINGS["TURNS"], SETTINGS["STOPPED_NATS"]
 NOISY = CELL.replace("W: {unit: A}", "W: {unit: A, noise: 0.01 A}")
+STEP = 0.5  # s
 W = 1  # of the inputs V, W
 CALLS = """
 static Ranking ranking;
+static Diagnosis found;
 void t_take(State *state, const Sample *sample)
 {
     double packed[N_SAMPLE];
@@ -26,6 +28,17 @@ void t_take(State *state, const Sample *sample)
 void t_says(State *state, double *found)
 {
     for (int64_t k = 0; k < N_HYPOTHESES; k++) found[k] = log_of_records(state, k);
+}
+void t_stopped(State *state, double *time) { *time = stopped_at(state, 1); }
+int64_t t_unexplained(State *state, const double *best)
+{
+    memset(&found, 0, sizeof found);
+    found.n_candidates = 1;
+    found.candidates[0].n_suspects = (int64_t)best[0];
+    found.candidates[0].suspects[0].stopped = best[1];
+    state->bank.sums[0][0][0] = 2.0 * CUSUM_LIMIT;
+    find_unexplained(state, 0, &found);
+    return found.is_unexplained;
 }
 void t_score(State *state, double *found)
 {
@@ -48,7 +61,15 @@ def watched(record: FloatArray) -> Bare:
 def see(core: Bare, record: FloatArray) -> None:
     """Go on with these values of W; nan: it is not told."""
     for value in record:
-        core.call("t_take", np.array([0.0, 0.5, 2.0, value, 0.1, 1.0, 0.0, 0.0]))
+        time = STEP * float(core["clock.index"][0])
+        core.call("t_take", np.array([time, STEP, 2.0, value, 0.1, 1.0, 0.0, 0.0]))
+
+
+def stopped_at(core: Bare) -> float:
+    """The time at which the record of W stopped; nan: it goes on."""
+    found = np.zeros(1)
+    core.call("t_stopped", found)
+    return float(found[0])
 
 
 def said(core: Bare) -> float:
@@ -71,14 +92,14 @@ def scattering(n: int = 1000, quantum: float = 0.01) -> FloatArray:
 def test_of_a_record_that_scatters_its_stretches_and_its_turns_are_counted() -> None:
     core = watched(np.array([1.0, 1.0, 2.0, 3.0, 3.0, 3.0, 3.0, 2.0, 2.0, np.nan, np.nan, 2.0, 4.0]))
     assert core["inputs.stood"][0] == 4  # 2, and what is not told, 2
-    assert core["inputs.turns"][0] == 2
+    assert core["inputs.turns"][0] == 1  # at 2, but not at 3, which was an end
     assert core["inputs.still"][0] == 0
     see(core, np.array([4.0, 4.0]))
     assert core["inputs.still"][0] == 2
     core["clock.alarm"] = core["clock.index"].copy()
     see(core, np.array([4.0] * 10 + [3.0, 4.0]))
     assert core["inputs.stood"][0] == 4  # after the alarm nothing is learned
-    assert core["inputs.turns"][0] == 2
+    assert core["inputs.turns"][0] == 1
 
 
 def test_a_record_that_stopped_before_the_alarm_says_how_seldom_it_stands_for_so_long() -> None:
@@ -117,6 +138,43 @@ def test_a_command_that_stands_longer_than_before_says_nothing() -> None:
     assert core["inputs.turns"][0] >= TURNS
     assert core["inputs.stood"][0] == 9
     assert said(core) == 0.0
+
+
+def switched(draws: int, rest: int) -> FloatArray:
+    """Readings of a meter that scatters while it is on, and shows 0 while it is off, for longer."""
+    generator = np.random.default_rng(6)
+    on = [np.round(generator.normal(generator.uniform(0.3, 0.9), 0.02, 30), 2) for _ in range(draws)]
+    return np.concatenate([np.concatenate([np.zeros(rest), record]) for record in on])
+
+
+def test_what_is_switched_off_rests_and_tells_nothing_of_how_its_record_scatters() -> None:
+    record = switched(20, 700)
+    core = watched(np.concatenate([record, [0.5] * 40]))
+    assert core["inputs.stood"][0] < 8  # while it is on; off it stands for 700
+    assert core["inputs.idle"][0] == pytest.approx(20 * 700, abs=30)
+    core["clock.alarm"] = core["clock.index"].copy()
+    assert said(core) == MOST
+    again = watched(np.concatenate([record[:-30], [0.0] * 5000]))  # off for much longer than before
+    again["clock.alarm"] = again["clock.index"].copy()
+    assert said(again) == 0.0
+    valve = watched(np.concatenate([np.tile([0.0, 1.0], 500), np.full(500, 0.5)]))  # a hand takes over
+    valve["clock.alarm"] = valve["clock.index"].copy()
+    assert said(valve) == 0.0
+
+
+def test_it_is_told_since_when_a_record_stands_where_that_is_sure() -> None:
+    core = watched(scattering())
+    see(core, np.full(200, 0.5))
+    core["clock.alarm"] = core["clock.index"].copy()
+    assert stopped_at(core) == 1000 * STEP
+    core["inputs.still"] = 1.2 * core["inputs.stood"]
+    assert np.isnan(stopped_at(core))
+
+
+def test_nothing_speaks_against_an_input_of_which_it_is_not_known_what_acts() -> None:
+    core = watched(scattering())
+    for best, expected in (((1.0, 123.0), 0), ((1.0, np.nan), 1), ((2.0, 123.0), 1)):
+        assert core.call("t_unexplained", np.array(best)) == expected
 
 
 def test_no_set_is_likely_that_blames_a_sensor_that_has_never_read() -> None:

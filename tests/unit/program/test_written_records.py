@@ -91,13 +91,14 @@ def test_a_difference_is_seen() -> None:
 
 
 def test_silent_signals_and_rows_out_of_order_are_told_alike(programs: Programs) -> None:
-    """The program names sensors and inputs without values, and has no verdict of rows in any order, as `run`."""
+    """The program names what gives no value, and has no verdict of rows in any order, or of times that are cut."""
     header, *rows = rows_of("dc_motor_current", "healthy", 600).decode().splitlines()
     cells = [line.split(",") for line in rows]
     no_current = [",".join(line[:3]) + "," for line in cells]
     no_input = [f"{line[0]},{line[1] if k < 300 else ''},{line[2]},{line[3]}" for k, line in enumerate(cells)]
     turned = [rows[(k * 371) % 600] for k in range(600)]
-    for lines, code in ((no_current, 0), (no_input, 0), (turned, 4)):
+    cut = [",".join([str(int(float(line[0]))), *line[1:]]) for line in cells]
+    for lines, code in ((no_current, 0), (no_input, 0), (turned, 4), (cut, 4)):
         given = "\n".join([header, *lines, ""]).encode()
         said, expected = watched(programs("dc_motor_current"), given), ran(example_of("dc_motor_current"), given)
         assert_same(said, expected)

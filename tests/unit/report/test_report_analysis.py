@@ -16,8 +16,30 @@ from faultbond.analysis.testable import Judgement, SetVerdict
 from faultbond.analysis.twins import Comparison, Twins
 from faultbond.diagnosability.isolability import Isolability
 from faultbond.model.graph import BondGraph
-from faultbond.model.text import parse_model
-from faultbond.report.analysis import StructuralTests, print_smallest, print_solutions, print_structure, print_view
+from faultbond.model.text import load_model, parse_model
+from faultbond.report.analysis import (
+    StructuralTests,
+    heat_lines,
+    print_smallest,
+    print_solutions,
+    print_structure,
+    print_view,
+)
+from made import EXAMPLES
+
+STORE = """\
+name: store
+sample_time: 10 s
+inputs: {P: {unit: W}, T_a: {unit: degC}}
+components:
+  heater: {type: Sf, law: f = P}
+  water: {type: C, law: q = C1*e, parameters: {C1: 300 kJ/K}}
+  wall: {type: R, law: f = U*e, parameters: {U: 2 W/K}}
+  room: {type: Se, law: e = T_a}
+junctions: {inside: 0, loss: 1}
+bonds: [heater -> inside -> water, inside -> loss -> wall, room -> loss]
+sensors: {T: {reads: inside.e, unit: degC, noise: 0.1 K}}
+"""
 
 
 def printed(show: Callable[[Console], None]) -> str:
@@ -210,3 +232,13 @@ def test_effects_that_rounding_leaves_are_none() -> None:
 def test_nothing_is_said_of_smallest_faults_without_any() -> None:
     """A plant of which no fault was tried gets no heading."""
     assert printed(lambda console: print_smallest(console, plant(1), [])) == ""
+
+
+def test_of_heat_capacities_it_is_told_what_a_smallest_fault_is() -> None:
+    """Only stores of heat, which counts from 0 K: neither walls nor tanks."""
+    store = parse_model(STORE)
+    ((names, text),) = heat_lines(store, ["U", "C1", "T.bias"])
+    assert names == "C1"
+    assert text.startswith("a jump, at which the heat stays; it counts from 0 K")
+    assert heat_lines(store, ["U"]) == []
+    assert heat_lines(load_model(EXAMPLES / "tank" / "model.yaml"), ["K3", "K1"]) == []

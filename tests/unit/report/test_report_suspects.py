@@ -8,7 +8,7 @@ from fake import kind_of, moving, suspect, tank_graph, wrong
 from faultbond.contract.findings import Candidate, Forecast, Suspect
 from faultbond.model.graph import Unit
 from faultbond.report.numbers import Notation
-from faultbond.report.suspects import change_of, otherwise, owner_of, rows_of, title_of, unit_of, with_article
+from faultbond.report.suspects import change_of, otherwise, owner_of, rows_of, shown_in, title_of, unit_of, with_article
 from faultbond.types import FaultKind
 
 GRAPH = tank_graph()  # flow in l/min, pressure in kPa, inputs in percent
@@ -146,6 +146,15 @@ def test_units_of_instruments() -> None:
     assert unit_of(graph, "T.noise") == Unit("degC", 1.0)
     assert unit_of(graph, "T.stuck") == warm
     assert unit_of(graph, "T.gain") == Unit("")
+    assert [shown_in(graph, name, Notation.PRINT) for name in ("T.gain", "T.bias", "u_in.gain", "K1")] == [
+        " in degC",
+        "",
+        "",
+        "",
+    ]
+    found = wrong("T.gain", 1.0, 1.1, 0.005)
+    told = change_of(graph, kind_of(found, (FaultKind.GAIN, 1.0)), found, 0.0, Notation.PRINT)
+    assert told == "it reads 1.100 times the right value in degC (gain, +10.0 %)"
     assert unit_of(graph, "u_in.bias").text == "percent"
     assert unit_of(graph, "nobody.bias") == Unit("")
 

@@ -206,6 +206,21 @@ def test_a_value_that_still_moves_is_told_as_such(history: History) -> None:
     assert "(this value still moves)" in verdict_sentence(GRAPH, run, counts_of(run), Notation.FILE)
 
 
+def test_of_an_input_whose_record_has_stopped_no_value_is_told(history: History) -> None:
+    """What acts is not known then, whichever kind of fault comes nearest; beside another suspect it is told alike."""
+    still = replace(wrong("u_in.bias", 0.0, -6.8, 0.1), stopped=1500.0, moved=6.0)
+    best = kind_of(still, (FaultKind.INTERMITTENT, 1.0), probability=0.993, there=False)
+    told = "its record has stood still since 1500 s, so its meter has stuck"
+    assert (
+        sentence(history, best)
+        == f"Most likely the input u_in is at fault: {told}, and what acts is not known, 99.3 % sure."
+    )
+    (row,) = table_rows(GRAPH, with_last(history, (best,)).diagnoses[-1], Notation.FILE)
+    assert row.kinds == ("record stands",)
+    both = replace(best, suspects=(still, suspect(GRAPH, "K1", 1.838, 0.025)), kind=FaultKind.BIAS)
+    assert "u_in's record has stood still since 1500 s, so its meter has stuck; K1 rose" in sentence(history, both)
+
+
 def test_table_is_short_and_counts_the_rest(history: History) -> None:
     """At most eight rows are shown, and the rest is counted with a bound that holds."""
     first = history.diagnoses[0]

@@ -1,0 +1,169 @@
+"""Units that a recording seems to have: with which the plant would be quiet, where it alarms early as declared.
+
+A column in another unit than the model file says is off by a thousand, by sixty, or by 273.15; what the bank makes of
+that is a fault which may well be sure. So the first samples are watched again, with one column after the other taken
+to be in each other unit of its kind. Only one that raises no alarm is told.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from faultbond.app.method_face import Watcher
+from faultbond.contract.findings import Detection
+from faultbond.contract.samples import STATUSES, Samples, Status
+from faultbond.contract.spec import EngineSpec
+from faultbond.io.grid import PointBlock
+from faultbond.model.units import measure
+
+EARLY = 400  # samples after the alarms are on in which an alarm may be that of a wrong unit
+QUIET = 400  # samples that must be quiet beyond that alarm, where there are so many,
+LEAST = 100  # and at least so many
+MOST_SIGNALS = 12  # that are tried, those in which the alarm was raised first
+FEW = 0.01  # of the values may be refused as wild
+_LOST = STATUSES.index(Status.LOST)
+PERCENT, FRACTION = "percent", "parts of 1"
+USUAL = (  # units that are mixed up, by kind
+    ("Pa", "hPa", "kPa", "MPa", "bar", "psi"),
+    ("degC", "K", "degF"),
+    ("m^3/s", "m^3/h", "l/s", "l/min", "l/h"),
+    ("kg/s", "kg/min", "kg/h", "g/s"),
+    ("W", "kW", "MW"),
+    ("J", "kJ", "MJ", "kW*h"),
+    ("V", "mV", "kV"),
+    ("A", "mA", "kA"),
+    ("m", "cm", "mm"),
+    ("m/s", "km/h", "m/min"),
+    ("rad/s", "rpm", "Hz", "deg/s"),
+    ("rad", "deg"),
+    ("N", "kN"),
+    ("N*m", "kN*m"),
+    ("m^3", "l"),
+    ("kg", "g"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnitGuess:
+    """A sensor or an input (`role`) that seems to be recorded in another unit than the model file says.
+
+    samples: of the beginning, in which no alarm is raised if it is read so.
+    """
+
+    name: str
+    role: str
+    declared: str
+    like: str
+    samples: int
+
+    @property
+    def cure(self) -> str:
+        """What to do about it."""
+        if self.like == FRACTION:
+            return "multiply the column by 100"
+        return f"state `unit: {self.like}` there"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Other:
+    """A signal read in another unit: its SI values become factor * value + shift."""
+
+    place: int
+    is_sensor: bool
+    factor: float
+    shift: float
+    guess: UnitGuess
+
+
+def sentence_of(guesses: Iterable[UnitGuess]) -> str:
+    """Say in which unit a signal seems to be recorded, and what to do; empty without a guess."""
+    told = list(guesses)
+    if not told:
+        return ""
+    first = told[0]
+    listed = " or ".join(f"the {item.role} {item.name} in {item.like}, not in {item.declared}" for item in told)
+    cure = first.cure if len(told) == 1 else "state the right `unit:` there"
+    return (
+        f"The recording looks as if it had {listed}: read so, the first {first.samples} samples raise no alarm. "
+        f"If it is so, {cure}; what follows is then no fault."
+    )
+
+
+def guess_units(watchers: Iterator[Watcher], points: Iterable[PointBlock], alarm: Detection) -> tuple[UnitGuess, ...]:
+    """Give what signals seem to be recorded in, where an alarm was raised early; empty where no other unit is quiet.
+
+    Parameters
+    ----------
+    watchers : fresh ones of the plant, as many as are asked for
+    points : of the recording, from its beginning
+    alarm : the first one
+    """
+    watcher = next(watchers)
+    if alarm.sample > watcher.asleep + EARLY:
+        return ()
+    begin = _beginning(points, alarm.sample + QUIET)
+    if len(begin) < alarm.sample + LEAST:
+        return ()
+    found = []
+    for other in _others(watcher.spec, alarm.signals, len(begin)):
+        u, y = begin.u.copy(), begin.y.copy()
+        column = (y if other.is_sensor else u)[:, other.place]
+        column[:] = other.factor * column + other.shift
+        if _is_quiet(next(watchers), replace(begin, u=u, y=y)):
+            found.append(other.guess)
+    return tuple(found) if len({item.name for item in found}) <= 2 else ()
+
+
+def _beginning(points: Iterable[PointBlock], last: int) -> Samples:
+    """Give the first points up to the one of this number, as samples; without what follows a gap of unknown length."""
+    parts: list[PointBlock] = []
+    for block in points:
+        if len(block) and block.index[0] > last:
+            break
+        parts.append(block)
+        if len(block) and block.index[-1] >= last:
+            break
+    arrays = {name: np.concatenate([getattr(block, name) for block in parts]) for name in ("time", "dt", "u", "y")}
+    index, resumes = (np.concatenate([getattr(block, name) for block in parts]) for name in ("index", "resumes"))
+    ends = np.flatnonzero((index > last) | resumes)
+    end = int(ends[0]) if len(ends) else len(index)
+    return Samples(**{name: values[:end] for name, values in arrays.items()})
+
+
+def _is_quiet(watcher: Watcher, samples: Samples) -> bool:
+    """Whether a watcher raises no alarm, nor loses the plant, nor refuses what it is shown."""
+    reports = watcher.take(samples)
+    is_passed = len(reports) == len(samples) and reports.detection is None
+    return is_passed and not np.any(reports.status == _LOST) and int(reports.wild.sum()) <= FEW * len(samples)
+
+
+def _others(spec: EngineSpec, alarming: Sequence[str], samples: int) -> Iterator[_Other]:
+    """Give each signal in each other unit of its kind; those in which there was an alarm first, then sensors."""
+    signals = [(k, True, item.name, item.unit) for k, item in enumerate(spec.outputs)]
+    signals += [(k, False, item.name, item.unit) for k, item in enumerate(spec.inputs)]
+    signals.sort(key=lambda signal: not (signal[1] and signal[2] in alarming))
+    for place, is_sensor, name, declared in signals[:MOST_SIGNALS]:
+        for like, factor, shift in _readings(declared):
+            role = "sensor" if is_sensor else "input"
+            guess = UnitGuess(name=name, role=role, declared=declared, like=like, samples=samples)
+            yield _Other(place=place, is_sensor=is_sensor, factor=factor, shift=shift, guess=guess)
+
+
+def _readings(declared: str) -> Iterator[tuple[str, float, float]]:
+    """Give other units of the kind of this one, and what becomes of an SI value that was read in the wrong one."""
+    if declared == PERCENT:
+        yield FRACTION, 100.0, 0.0
+        return
+    stated = measure(declared)
+    own = stated.unit
+    for kind in USUAL:
+        known = [measure(text) for text in kind]
+        if known[0].dimension != stated.dimension:
+            continue
+        for text, item in zip(kind, known, strict=True):
+            factor = item.unit.factor / own.factor
+            shift = item.unit.offset - factor * own.offset
+            if abs(factor - 1.0) > 1e-9 or abs(shift) > 1e-9:
+                yield text, factor, shift
+        return

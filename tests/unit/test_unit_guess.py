@@ -1,0 +1,93 @@
+"""Columns in other units than the model file says: told, where with another unit the plant is quiet."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from threading import Thread
+
+import pytest
+
+from faultbond.app.unit_guess import FRACTION
+from faultbond.cli import main
+from made import EXAMPLES
+
+MODEL = str(EXAMPLES / "tank" / "model.yaml")
+TIME, U_IN, U_OUT, FLOW, PRESSURE = range(5)
+
+
+def recording(folder: Path, change: Callable[[int, list[float]], None], rows: int = 800) -> str:
+    """Write the beginning of the healthy recording of the tank, changed row by row, and give its name."""
+    header, *lines = (EXAMPLES / "tank" / "healthy.csv").read_text().splitlines()[: rows + 1]
+    values = [[float(cell) for cell in line.split(",")] for line in lines]
+    for k, row in enumerate(values):
+        change(k, row)
+    path = folder / "recording.csv"
+    path.write_text("\n".join([header, *(",".join(f"{value:.9g}" for value in row) for row in values), ""]))
+    return str(path)
+
+
+def times(column: int, factor: float) -> Callable[[int, list[float]], None]:
+    """Give what multiplies a column."""
+
+    def change(_: int, row: list[float]) -> None:
+        row[column] *= factor
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "told", "cure"),
+    [
+        (PRESSURE, 1e-3, "the sensor pressure in kPa, not in Pa", "state `unit: kPa` there"),
+        (FLOW, 3600.0, "the sensor flow in m^3/h, not in m^3/s", "state `unit: m^3/h` there"),
+        (U_IN, 0.01, f"the input u_in in {FRACTION}, not in percent", "multiply the column by 100"),
+    ],
+)
+def test_a_column_in_another_unit_is_told(
+    column: int, factor: float, told: str, cure: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before what the bank makes of it: text, page and standard error say in which unit it would be quiet."""
+    page = tmp_path / "page.html"
+    assert main(["run", MODEL, recording(tmp_path, times(column, factor)), "--report", str(page)]) == 1
+    said = capsys.readouterr()
+    text = f"The recording looks as if it had {told}: read so, the first "
+    assert text in " ".join(said.out.split())
+    assert f"If it is so, {cure}; what follows is then no fault." in " ".join(said.out.split())
+    assert said.err.startswith(f"faultbond: {text}")
+    assert text in page.read_text().replace("\u00a0", " ")
+
+
+@pytest.mark.parametrize("fault", ["step", "from the start"])
+def test_of_a_fault_no_unit_is_told(fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No unit explains what begins within the recording, nor a reading that is off by a usual amount from the start."""
+
+    def change(k: int, row: list[float]) -> None:
+        row[PRESSURE] += 3000.0 * (fault == "step" and k > 250)
+        row[FLOW] *= 0.7 if fault != "step" else 1.0
+
+    assert main(["run", MODEL, recording(tmp_path, change)]) == 1
+    assert "looks as if" not in capsys.readouterr().out
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
+def test_what_can_be_read_once_only_is_not_read_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a pipe with a name the verdict stands as it is."""
+    pipe = tmp_path / "pipe.csv"
+    os.mkfifo(pipe)
+    text = Path(recording(tmp_path, times(PRESSURE, 1e-3))).read_text()
+    writer = Thread(target=pipe.write_text, args=(text,))
+    writer.start()
+    assert main(["run", MODEL, str(pipe)]) == 1
+    writer.join()
+    said = capsys.readouterr()
+    assert "looks as if" not in said.out
+    assert said.err == ""
+
+
+def test_of_an_alarm_late_in_the_recording_nothing_is_tried(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A unit is wrong from the first row on."""
+    monkeypatch.setattr("faultbond.app.unit_guess.EARLY", 0)
+    assert main(["run", MODEL, recording(tmp_path, times(PRESSURE, 1e-3))]) == 1
+    assert "looks as if" not in capsys.readouterr().out
