@@ -62,7 +62,8 @@ def project_files(parts: ProjectParts) -> dict[str, str]:
     found["program/memory.c"] = _filled("memory.c", holes)
     found |= {f"board/{name}": text for name, text in sources_of("board").items()}
     found["check/samples.h"] = samples_text(parts.samples, parts.records)
-    found |= {f"check/{name}": _filled(name, holes) for name in ("compare.c", "misra.awk", "misra.txt", "wasi.mjs")}
+    checks = ("compare.c", "misra.awk", "misra.txt", "stack.awk", "wasi.mjs")
+    found |= {f"check/{name}": _filled(name, holes) for name in checks}
     found["check/recording.csv"], found["check/expected.jsonl"] = parts.recording, parts.records
     return dict(sorted(found.items()))
 
