@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -62,8 +63,9 @@ def measures() -> bool:
     """Whether the system's compiler writes graphs of calls."""
     if shutil.which("cc") is None:
         return False
-    command = ["cc", "-fcallgraph-info=su", "-fsyntax-only", "-x", "c", "-"]
-    return subprocess.run(command, input=b"", capture_output=True, check=False).returncode == 0
+    command = ["cc", "-fcallgraph-info=su", "-c", "-x", "c", "-", "-o", "empty.o"]
+    with tempfile.TemporaryDirectory() as folder:
+        return subprocess.run(command, cwd=folder, input=b"", capture_output=True, check=False).returncode == 0
 
 
 pytestmark = [
