@@ -60,7 +60,7 @@ void fb_resume(void *state) { resume(&((State *)state)->clock); }
 
 int64_t fb_step(void *state, void *work, const double *sample, void *report, void *found)
 {
-    fb_block(state, work, 1, sample, sample + 1, sample + 2, sample + 2 + N_INPUTS, report, found);
+    (void)fb_block(state, work, 1, sample, sample + 1, sample + 2, sample + 2 + N_INPUTS, report, found);
     return ((Report *)report)->detected || ((Report *)report)->due;
 }
 

@@ -137,7 +137,7 @@ static void find_values(Bank *bank, const int64_t *best, Choice *choice)
         double change = 0.0, *value = &choice->value[e - RESERVE_ROW[choice->set]];
         *value = lane >= 0 ? *number_of_step(bank, lane, k) : bank->healthy[k];
         if (choice->row >= 0 || choice->base < 0 || choice->added != RESERVE_MEMBER[e]) continue;
-        gain_of(bank, lane, choice->added, &change);
+        (void)gain_of(bank, lane, choice->added, &change);
         *value = bank->healthy[k] + change;
     }
 }

@@ -140,7 +140,7 @@ static void pack_outside(const State *state, const Sample *sample, Clock *clock,
         inputs->odd[k] = NAN;
         if (!clock->outside) inputs->inside[k] = inputs->held[k];
     }
-    pack_values(sample, first, &state->sensors, state->normal.noise, clock, inputs, packed);
+    (void)pack_values(sample, first, &state->sensors, state->normal.noise, clock, inputs, packed);
     learn_inputs(inputs, sample, 1, !has_value(sample));
     hold_lags(&state->healthy, inputs, packed);
     packed[SAMPLE_STILL] = 2.0;

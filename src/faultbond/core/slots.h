@@ -432,7 +432,7 @@ static void step_pairs(const double *packed, const Normal *normal, Filter_wide *
 static void join_innovations(SlotMemory *memory)
 {
     lanes *one = memory->found[0], *two = memory->found[1], weight;
-    weigh(memory->ready[0], memory->ready[1], 0.0, 0.0, &weight);
+    (void)weigh(memory->ready[0], memory->ready[1], 0.0, 0.0, &weight);
     for (int j = 0; j < N_OUTPUTS; j++) {
         const int variance = N_OUTPUTS + j;
         const lanes apart = choose((weight > 0.0) & (weight < 1.0), one[j] - two[j], broadcast(0.0));

@@ -184,8 +184,12 @@ static inline double *number_of_slot(Bank *bank, int64_t lane, int64_t k)
     return &blocks[at / GROUP][k][at % GROUP];
 }
 
-static inline double of_step(const Bank *bank, int64_t lane, int64_t k) { return *number_of_step((Bank *)bank, lane, k); }
-static inline double of_slot(const Bank *bank, int64_t lane, int64_t k) { return *number_of_slot((Bank *)bank, lane, k); }
+static inline double of_step(const Bank *bank, int64_t lane, int64_t k) { return bank->steps[lane / GROUP][k][lane % GROUP]; }
+static inline double of_slot(const Bank *bank, int64_t lane, int64_t k)
+{
+    if (lane < N_SLOT_LANES) return bank->slots[lane / GROUP][k][lane % GROUP];
+    return bank->couples[(lane - N_SLOT_LANES) / GROUP][k][(lane - N_SLOT_LANES) % GROUP];
+}
 
 /* The row of a sample that is kept. */
 static inline Row *row_of(Past *past, int64_t number) { return &past->rows[number % N_ROWS]; }

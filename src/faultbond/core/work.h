@@ -438,7 +438,7 @@ static void put_first(State *state, int64_t l)
         put_slot(bank, lane, job->run, l);
         bank->onset[N_STEPS + lane] = job->begins[l];
     } else {
-        replace_lane(bank, lane, job->run, l, PLAIN_NUMBERS);
+        (void)replace_lane(bank, lane, job->run, l, PLAIN_NUMBERS);
         bank->onset[lane] = job->begins[l];
     }
 }

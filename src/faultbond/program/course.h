@@ -82,7 +82,7 @@ static void count_points(Course *course, int first, int n)
 
 static void tell_detection(Course *course)
 {
-    const Alarm alarm = plant_alarm(course->plant);
+    const PlantAlarm alarm = plant_alarm(course->plant);
     course->found.detections++;
     course->found.is_open = 1;
     course->found.opened = alarm.sample;

@@ -173,7 +173,7 @@ static int read_kept(const char *path, GridClock *clock, Found *found, uint8_t *
             if (is_whole && is_of_a_run(clock, found)) result = KEPT_GOOD;
         }
     }
-    fclose(kept.file);
+    (void)fclose(kept.file);
     return result;
 }
 
@@ -219,7 +219,7 @@ static void keep_run(Keeper *keeper, const GridClock *clock, Course *course, int
             fprintf(stderr, "faultbond: %s: the run cannot be kept (%s)%s.\n", keeper->path, why,
                     is_last ? "" : "; it goes on and tries again");
         keeper->is_failing = 1;
-        remove(keeper->draft);
+        (void)remove(keeper->draft);
         return;
     }
     if (keeper->is_failing) fprintf(stderr, "faultbond: %s: the run is kept again.\n", keeper->path);
@@ -268,8 +268,8 @@ static int keeper_begin(Keeper *keeper, const char *path, const PlantMemory *mem
         fprintf(stderr, "%s: no run can be kept there: %s. Name another file.\n", path, strerror(errno));
         return 2;
     }
-    fclose(draft);
-    remove(keeper->draft);
+    (void)fclose(draft);
+    (void)remove(keeper->draft);
     keeper->detections = *goes_on ? found->detections : 0;
     keeper->accepted = *goes_on ? found->accepted : 0;
     return 0;

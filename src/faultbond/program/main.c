@@ -199,7 +199,7 @@ static int pass_all(Reader *reader, Course *course, Keeper *keeper)
         const long n = system_read(the_bytes, sizeof the_bytes);
         if (n == SYSTEM_STOPPED) {
             reader_stop(reader);
-            pass_points(reader, course, keeper);
+            (void)pass_points(reader, course, keeper);
             return SIGNALLED + system_signal();
         }
         if (n == SYSTEM_FAILED) {

@@ -22,7 +22,7 @@ typedef struct {
     double time, change_time, walk;
     int64_t sample, walker, window;
     int64_t crossed[N_OUTPUTS];
-} Alarm;
+} PlantAlarm;
 
 /* Where a number of a state stands; -1 where there is none of this name. */
 static int64_t place_of(const char *wanted)
@@ -62,9 +62,9 @@ static void plant_numbers(const Plant *plant, int64_t place, void *numbers, size
     memcpy(numbers, (const char *)plant->memory.state + place, 8 * n);
 }
 
-static Alarm plant_alarm(const Plant *plant)
+static PlantAlarm plant_alarm(const Plant *plant)
 {
-    Alarm alarm;
+    PlantAlarm alarm;
     plant_numbers(plant, plant->at.alarm, &alarm.sample, 1);
     plant_numbers(plant, plant->at.alarm_time, &alarm.time, 1);
     plant_numbers(plant, plant->at.change_time, &alarm.change_time, 1);

@@ -102,7 +102,7 @@ static void write_run(Json *json, double continues)
 }
 
 /* An alarm; `walk` only where that raised it. */
-static void write_detection(Json *json, const Alarm *alarm)
+static void write_detection(Json *json, const PlantAlarm *alarm)
 {
     begin_record(json, "detection");
     tell_real(json, "time", alarm->time);

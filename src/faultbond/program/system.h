@@ -52,8 +52,8 @@ extern "C" {
 static void note_signal(int number)
 {
     if (number == SIGINT && the_signal == SIGINT) { /* somebody insists */
-        signal(SIGINT, SIG_DFL);
-        raise(SIGINT);
+        (void)signal(SIGINT, SIG_DFL);
+        (void)raise(SIGINT);
     }
     if (!the_signal) the_signal = number;
 }

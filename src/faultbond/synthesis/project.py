@@ -62,7 +62,8 @@ def project_files(parts: ProjectParts) -> dict[str, str]:
     found["program/memory.c"] = _filled("memory.c", holes)
     found |= {f"board/{name}": text for name, text in sources_of("board").items()}
     found["check/samples.h"] = samples_text(parts.samples, parts.records)
-    found |= {f"check/{name}": _filled(name, holes) for name in ("compare.c", "wasi.mjs")}
+    checks = ("compare.c", "misra.awk", "misra.txt", "stack.awk", "wasi.mjs")
+    found |= {f"check/{name}": _filled(name, holes) for name in checks}
     found["check/recording.csv"], found["check/expected.jsonl"] = parts.recording, parts.records
     return dict(sorted(found.items()))
 
@@ -79,10 +80,13 @@ def _suspects(parts: ProjectParts) -> str:
     )
 
 
+def _template(name: str) -> str:
+    return files("faultbond").joinpath("synthesis", "templates", name).read_text(encoding="utf-8")
+
+
 def _filled(name: str, holes: Mapping[str, str]) -> str:
     """Give a template with its holes filled."""
-    text = files("faultbond").joinpath("synthesis", "templates", name).read_text(encoding="utf-8")
-    return _HOLE.sub(lambda hole: holes[hole[1]], text)
+    return _HOLE.sub(lambda hole: holes[hole[1]], _template(name))
 
 
 def _holes(parts: ProjectParts) -> dict[str, str]:
@@ -122,6 +126,7 @@ def _holes(parts: ProjectParts) -> dict[str, str]:
             for line, law in laws_of(item)
         ),
         "verdict": "1" if '"record": "detection"' in parts.records else "0",
+        "misra": _deviations(_template("misra.txt")),
         "rows": str(parts.recording.count("\n") - 1),
     }
 
@@ -131,6 +136,12 @@ def _sizes(model: str) -> str:
     used = set(re.findall(r"\w+", sources_of("core")["found.h"]))
     found = re.finditer(r"^#define (\w+) .*$", model[: model.index("#include")], re.MULTILINE)
     return "\n".join(item[0] for item in found if item[1] in used or item[1].startswith(("KIND_", "CHECK_")))
+
+
+def _deviations(text: str) -> str:
+    """Give the table of the rules that are not followed: the rows of `misra.txt`."""
+    head = "| rule | | places in the library | in the program | why |\n|---|---|---|---|---|"
+    return "\n".join((head, *(f"| {line} |" for line in text.splitlines() if not line.startswith("#"))))
 
 
 def _texts(names: Iterable[str]) -> str:
