@@ -244,12 +244,17 @@ def test_what_was_found_is_written_when_the_search_is_stopped(
     monkeypatch.setattr(quiet_fit, "_seems_quiet", stop)
     made = [write(tmp_path / f"{seed}.csv", seed=seed) for seed in (1, 2)]
     output, target = tmp_path / "quiet.yaml", tmp_path / "records.jsonl"
-    words = ("--starts", "1", "--until-quiet", "-o", str(output), "--json", str(target))
+    page = tmp_path / "quiet.html"
+    words = ("--starts", "1", "--until-quiet", "-o", str(output), "--json", str(target), "--report", str(page))
     assert main(["fit", str(model), *map(str, made), *words]) == 128 + 2
     record = json.loads(target.read_text(encoding="utf-8").splitlines()[-1])
     assert (record["stopped"], record["rounds"], record["added"], record["raised"]) == (True, 0, [], [])
     assert load_model(output).parameter("R").nominal == pytest.approx(R, rel=0.02)
-    assert "The search was stopped before its end." in " ".join(capsys.readouterr().out.split())
+    told = " ".join(capsys.readouterr().out.split()), " ".join(page.read_text(encoding="utf-8").split())
+    for text in told:
+        assert "The search was stopped before its end." in text
+        assert "What the recordings call for" in text
+        assert "nothing that foretells what was held back better" in text
 
 
 def test_one_recording_is_parted(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

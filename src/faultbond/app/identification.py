@@ -73,7 +73,7 @@ class Identified:
         """Give the report, a page of HTML."""
         from faultbond.report.fit_page import render_fit  # noqa: PLC0415 - loads jinja2
 
-        return str(render_fit(self.fitted))
+        return str(render_fit(self.fitted, self.graph, self.quieted))
 
 
 def fit(

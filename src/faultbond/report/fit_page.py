@@ -6,16 +6,26 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.fit.whiteness import Whiteness
+from faultbond.model.graph import BondGraph
 from faultbond.report.chart import Chart, ChartLine, ChartSection, in_unit, payload
+from faultbond.report.doubts import stray_sentence
 from faultbond.report.fit_result import HEADER, Fitted, fit_verdict, noise_rows, parameter_row, remarks, size_lines
 from faultbond.report.html import render_page
 from faultbond.report.numbers import MINUS, Notation, duration_text, unit_text
+from faultbond.report.quiet_result import Quieted, quiet_parts, quiet_verdict
 
 _WIDTH, _HEIGHT, _LEFT = 720.0, 120.0, 34.0  # px, of a drawing of correlations
 
 
-def render_fit(fitted: Fitted) -> str:
-    """Give the page about a fit as HTML text."""
+def render_fit(fitted: Fitted, graph: BondGraph, quieted: Quieted | None = None) -> str:
+    """Give the page about a fit as HTML text.
+
+    Parameters
+    ----------
+    fitted : the fit
+    graph : the model as it was given
+    quieted : what else was done to it, with `--until-quiet`
+    """
     found, records = fitted.found, fitted.found.records
     time, begins = _times(fitted)
     sections = _sections(fitted, time)
@@ -29,8 +39,8 @@ def render_fit(fitted: Fitted) -> str:
         data | {"marks": marks if len(marks) > 1 else []},
         {
             "name": fitted.graph.name,
-            "state": "healthy" if found.summit.settled else "open",
-            "verdict": fit_verdict(fitted),
+            "state": "healthy" if _is_good(fitted, quieted) else "open",
+            "verdict": _verdict(fitted, quieted),
             "facts": [
                 ("Recordings", ", ".join(item.name for item in records)),
                 ("Made by", f"faultbond {fitted.version}"),
@@ -44,12 +54,34 @@ def render_fit(fitted: Fitted) -> str:
             ],
             "header": HEADER,
             "rows": [parameter_row(item) for item in fitted.estimates],
-            "remarks": [text for _, text in remarks(fitted)],
+            "remarks": labelled(remarks(fitted)),
+            "parts": [(part, labelled(part.lines)) for part in quiet_parts(graph, quieted)] if quieted else [],
             "noises": list(noise_rows(fitted)),
             "sizes": list(size_lines(fitted)),
             "correlations": [(item.sensor, _correlation_drawing(item)) for item in found.whiteness],
         },
     )
+
+
+def _is_good(fitted: Fitted, quieted: Quieted | None) -> bool:
+    """Whether nothing is left to be done."""
+    return fitted.found.summit.settled and not fitted.strays and (quieted is None or quieted.quiet)
+
+
+def _verdict(fitted: Fitted, quieted: Quieted | None) -> str:
+    """Say in some sentences what came of it, as on the terminal."""
+    told = [fit_verdict(fitted), stray_sentence(fitted.strays) if fitted.strays else ""]
+    told.append(quiet_verdict(quieted) if quieted else "")
+    return " ".join(text for text in told if text)
+
+
+def labelled(told: Sequence[tuple[str, str]]) -> list[str]:
+    """Give lines with their labels in front; what has none belongs to the one above."""
+    found, label = [], ""
+    for own, text in told:
+        label = own or label
+        found.append(f"{label}: {text}" if label else text)
+    return found
 
 
 def _times(fitted: Fitted) -> tuple[FloatArray, tuple[float, ...]]:

@@ -34,7 +34,7 @@ THRESHOLDS = {
     "cusum_drift": "CUSUM: part of a standard deviation taken off each sample",
     "cusum_limit": "CUSUM: limit at which it alarms",
     "fast_drift": "fast CUSUM: part of a standard deviation taken off each sample",
-    "fast_limit": "fast CUSUM: limit at which it alarms; so high that it does not, unless a time is promised",
+    "fast_limit": "fast CUSUM: limit at which it alarms; high enough that it does not where no time is promised",
     "scatter_ratio": "sum of the scatter: noise that it looks for, times as large as declared",
     "scatter_limit": "sum of the scatter: limit at which it alarms, nats",
     "cusum_clip": "CUSUM: largest contribution of one sample, standard deviations",

@@ -86,7 +86,7 @@ def _entry(graph: BondGraph, item: Imperfection) -> tuple[Path, str]:
         of_row = f"{_up(size * math.sqrt(graph.rows_per_sample))} {unit}".rstrip()
         return (section, item.place, "noise"), of_row
     path = (*parameter_path(graph, item.place), "wander") if item.kind is Kind.WANDER else ("slow_error", item.place)
-    return path, f"{words} over {item.memory:.2g} s"
+    return path, f"{words} over {float(f'{item.memory:.2g}'):g} s"
 
 
 def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
@@ -179,36 +179,64 @@ def quiet_record(found: Quieted) -> Record:
     }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """A part of what is told of a fit until quiet: a table, which may be empty, and lines with their labels."""
+
+    title: str
+    note: str = ""
+    header: tuple[str, ...] = ()
+    rows: tuple[tuple[str, ...], ...] = ()
+    lines: tuple[tuple[str, str], ...] = ()
+
+
+def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[Part, ...]:
+    """Give what was done to a model, what it cost, and what could not be mended.
+
+    graph: the model as it was given
+    """
+    texts = [f"{item.what.words}: {join([x.words for x in item.alike])}" for item in found.added if item.alike]
+    told = under("as good", texts) if found.added else [("", "nothing that foretells what was held back better")]
+    told += under("raised", [f"{item.what} {item.times:.2g} times as large" for item in found.raised])
+    if not found.stated:
+        promise = f"time_between_false_alarms: {duration_text(found.health.promise)}; the model stated none"
+        told.append(("promise", promise))
+    parts = [
+        Part(
+            title="What the recordings call for",
+            note=f"judged by {join(found.held)}, held back",
+            header=("added", "of", "size", "unit", "over", "gain, nats", "held back"),
+            rows=tuple(_added_row(graph, item) for item in found.added),
+            lines=tuple(told),
+        )
+    ]
+    if found.smallest_after:
+        cost = Part(
+            title="What it costs",
+            note=_within(found.smallest_after),
+            header=("suspect", "smallest fault before", "now", "unit"),
+            rows=tuple(_cost_rows(found)),
+            lines=tuple(heat_lines(found.fitted.graph, [item.parameter for item in found.smallest_after])),
+        )
+        parts.append(cost)
+    if not found.quiet or found.raised or not found.health.has_room:
+        parts.append(Part(title="What could not be mended", lines=tuple(_left_lines(found))))
+    return tuple(parts)
+
+
 def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
     """Print what was done to a model, and what it cost.
 
     graph: the model as it was given
     """
-    title(console, "What the recordings call for", f"judged by {join(found.held)}, held back")
-    if found.added:
-        header = ("added", "of", "size", "unit", "over", "gain, nats", "held back")
-        table(console, header, [_added_row(graph, item) for item in found.added])
-        texts = [f"{item.what.words}: {join([x.words for x in item.alike])}" for item in found.added if item.alike]
-        lines(console, under("as good", texts))
-    else:
-        lines(console, [("", "nothing that foretells what was held back better")])
-    if found.raised:
-        texts = [f"{item.what} {item.times:.2g} times as large" for item in found.raised]
-        lines(console, under("raised", texts))
-    if not found.stated:
-        promise = f"time_between_false_alarms: {duration_text(found.health.promise)}; the model stated none"
-        lines(console, [("promise", promise)])
-    if found.smallest_after:
-        title(console, "What it costs", _within(found.smallest_after))
-        table(console, ("suspect", "smallest fault before", "now", "unit"), list(_cost_rows(found)))
-        lines(console, heat_lines(found.fitted.graph, [item.parameter for item in found.smallest_after]))
-    if not found.quiet or found.raised or not found.health.has_room:
-        title(console, "What could not be mended")
-        lines(console, list(_left_lines(found)))
+    for part in quiet_parts(graph, found):
+        title(console, part.title, part.note)
+        if part.rows:
+            table(console, part.header, part.rows)
+        lines(console, list(part.lines))
     console.print()
-    console.print(
-        Text(quiet_verdict(found), style="bold green" if found.quiet and not found.fitted.strays else "bold yellow")
-    )
+    style = "bold green" if found.quiet and not found.fitted.strays else "bold yellow"
+    console.print(Text(quiet_verdict(found), style=style))
 
 
 def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:
