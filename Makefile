@@ -37,7 +37,7 @@ install: compiler
 
 test: $(DEV) compiler
 	@echo "faultbond: tests"
-	@$(BIN)/python -m pytest -n $(WORKERS)
+	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(WORKERS)  # hundreds of programs would compile it all anew
 
 lint: $(DEV)
 	@echo "faultbond: ruff check, ruff format, mypy"

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -79,7 +80,7 @@ def watch(
     start : the first row that is watched
     every : a point of the curves for so many samples, and one at the alarm
     """
-    spec, plan = build_classic(graph, settings)
+    spec, plan = _built(graph, settings)
     if not plan.tested:
         spec = replace(spec, thresholds=replace(spec.thresholds, warm_up_samples=recording.time.size))
     state = classic_state.init(spec, plan)
@@ -146,6 +147,12 @@ def bank(graph: BondGraph, recording: Simulation) -> Banked:
         diagnoses.append(report.diagnosis)
     found = tuple(item for item in (*diagnoses, monitor.finish()) if item is not None)
     return Banked(time=recording.time, expected=np.array(expected), detection=detection, diagnoses=found)
+
+
+@cache
+def _built(graph: BondGraph, settings: Settings) -> tuple[EngineSpec, ClassicPlan]:
+    """Build the method once for all recordings."""
+    return build_classic(graph, settings)
 
 
 def _candidate(diagnosis: Diagnosis, parameters: Iterable[str]) -> Candidate | None:

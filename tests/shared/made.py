@@ -104,6 +104,20 @@ def stepped(monitor: Monitor, sample: Sample) -> tuple[Monitor, Report]:
     return after, report
 
 
+class Course:
+    """Monitors along a recording, each made from one before it and the samples between; not to be changed."""
+
+    def __init__(self, core: Core, samples: Sequence[Sample]) -> None:
+        self.samples, self.known = samples, {0: Monitor(core)}
+
+    def after(self, rows: int) -> Monitor:
+        """The monitor after a number of samples."""
+        if rows not in self.known:
+            begun = max(k for k in self.known if k < rows)
+            self.known[rows] = run(self.known[begun].core, self.samples[begun:rows], self.known[begun])[0]
+        return self.known[rows]
+
+
 def differing(one: Monitor, two: Monitor) -> list[str]:
     """Names of the numbers in which two monitors differ, to the last bit; nan equals nan."""
     pairs = ((name, one.numbers(name), two.numbers(name)) for name in one.core.fields)

@@ -4,13 +4,14 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from faultbond.cli import main
+from faultbond.synthesis.compile import TIDY
+from watching import ran, watched
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PLANTS = {  # rows of the faulty recording: up to some diagnoses
@@ -45,21 +46,12 @@ def differences(one: object, other: object, where: tuple[object, ...] = ()) -> I
         yield (*where, one, other)
 
 
-def records(text: str) -> list[object]:
-    """Give the records in JSON lines."""
-    return [json.loads(line) for line in text.splitlines()]
-
-
 def both(plant: str, rows: list[str], program: Path) -> None:
     """Pass rows through `run` and through the program, and compare what they say and their exit codes."""
-    model = EXAMPLES / plant / "model.yaml"
-    command = [sys.executable, "-m", "faultbond", "run", str(model), "-", "--json", "-"]
-    told = [
-        subprocess.run(given, input="".join(rows), capture_output=True, text=True, check=False)
-        for given in (command, [str(program)])
-    ]
-    assert told[0].returncode == told[1].returncode, told[1].stderr
-    here, there = (records(item.stdout) for item in told)
+    recording = "".join(rows).encode()
+    told = ran(EXAMPLES / plant / "model.yaml", recording), watched(program, recording)
+    assert told[0].code == told[1].code, told[1].err
+    here, there = (item.records for item in told)
     assert len(here) == len(there) > 1
     assert list(differences(here, there)) == []
 
@@ -69,7 +61,7 @@ def test_the_program_says_what_run_says(plant: str, tmp_path: Path, capsys: pyte
     """Healthy and faulty recordings give the same records and exit codes, and the self-test passes."""
     folder = tmp_path / "plant"
     assert main(["generate", str(EXAMPLES / plant / "model.yaml"), "-o", str(folder)]) == 0
-    options = [] if plant == "rc" else ["OPTIMISE=-O1"]
+    options = [] if plant == "rc" else [f"OPTIMISE=-Og {TIDY}"]
     done = subprocess.run(
         ["make", "-s", "-C", str(folder), "all", "check", *options],
         capture_output=True,

@@ -134,11 +134,15 @@ def _snapped(points: FloatArray, edges: Cells) -> Cells:
 
 def _rearranged(cells: Cells, edges: Cells) -> Cells:
     """Move nodes, and whole branches, to better cells until nothing helps."""
-    branches = _branches(len(cells), edges)
+    branches, clutter = _branches(len(cells), edges), dict[int, float]()
     for _ in range(PASSES):
         before = cells.copy()
+        clutter.clear()
         for node in range(len(cells)):
-            cells = _move_node(cells, edges, node)
+            after = _move_node(cells, edges, node, clutter)
+            if after is not cells:
+                clutter.clear()
+            cells = after
         for branch in branches:
             cells = _move_branch(cells, edges, branch)
         if np.array_equal(before, cells):
@@ -155,22 +159,33 @@ def _cost(cells: Cells, edges: Cells, moved: BoolArray | None = None) -> float:
     edges : int array, shape (n_bonds, 2); indices of tail and head
     moved : judge only what depends on these nodes, which is enough to compare two places for them; None: all
     """
-    touching: BoolArray = np.ones(len(edges), dtype=bool)
-    if moved is not None:
-        touching = moved[edges[:, 0]] | moved[edges[:, 1]]
+    if moved is None:
+        moved = np.ones(len(cells), dtype=bool)
+    return _stretch(cells, edges, moved) + _clutter(cells, edges, moved)
+
+
+def _stretch(cells: Cells, edges: Cells, moved: BoolArray) -> float:
+    """Judge how far apart nodes are; see `_cost`, which is never less."""
+    touching = moved[edges[:, 0]] | moved[edges[:, 1]]
     tail, head = cells[edges[touching, 0]], cells[edges[touching, 1]]
     step = np.abs(head - tail)
     length = (step.sum(axis=1) ** 2 + SLANT * (step.min(axis=1) > 0)).sum()
     backwards = BACKWARDS * np.maximum(tail - head, 0)[:, 0].sum()
+    extent = COMPACT * ((cells - cells.mean(axis=0)) ** 2 * np.array([1.0, 1.6])).sum()
+    return float(length + backwards + extent)
+
+
+def _clutter(cells: Cells, edges: Cells, moved: BoolArray) -> float:
+    """Judge crossings, and bonds over nodes; see `_cost`. This takes long."""
+    touching = moved[edges[:, 0]] | moved[edges[:, 1]]
     covered = _covered(cells, edges[touching], np.arange(len(cells)))
-    if moved is not None:
+    if not touching.all():
         covered += _covered(cells, edges[~touching], np.flatnonzero(moved))
     a, b = (cells[edges[touching, end]][:, None] for end in (0, 1))
     c, d = (cells[edges[:, end]][None, :] for end in (0, 1))
     apart = _side(a, b, c) * _side(a, b, d) < 0
     crossings = int((apart & (_side(c, d, a) * _side(c, d, b) < 0)).sum())
-    extent = COMPACT * ((cells - cells.mean(axis=0)) ** 2 * np.array([1.0, 1.6])).sum()
-    return float(length + backwards + CROSSING * crossings + COVERED * covered + extent)
+    return CROSSING * crossings + COVERED * covered
 
 
 def _side(a: Cells, b: Cells, point: Cells) -> Cells:
@@ -191,8 +206,11 @@ def _covered(cells: Cells, edges: Cells, nodes: Cells) -> int:
     return int((near & ~own).sum())
 
 
-def _move_node(cells: Cells, edges: Cells, node: int) -> Cells:
-    """Try all cells near the neighbours; an occupied one is tried as an exchange."""
+def _move_node(cells: Cells, edges: Cells, node: int, clutter: dict[int, float]) -> Cells:
+    """Try all cells near the neighbours; an occupied one is tried as an exchange.
+
+    clutter: of nodes as they stand, as far as it is known; what is asked of more of them is added
+    """
     touching = edges[(edges == node).any(axis=1)]
     best, gain = cells, -1e-9
     window = np.arange(-REACH, REACH + 1)
@@ -207,6 +225,13 @@ def _move_node(cells: Cells, edges: Cells, node: int) -> Cells:
             trial[(cells == (column, row)).all(axis=1)] = cells[node]
             trial[node] = column, row
             moved = (trial != cells).any(axis=1)
+            most = 1e-9  # of clutter that can go
+            for k in np.flatnonzero(moved).tolist():
+                if k not in clutter:
+                    clutter[k] = _clutter(cells, edges, np.arange(len(cells)) == k)
+                most += clutter[k]
+            if _stretch(trial, edges, moved) - _stretch(cells, edges, moved) - most >= gain:
+                continue
             if (change := _cost(trial, edges, moved) - _cost(cells, edges, moved)) < gain:
                 best, gain = trial, change
     return best

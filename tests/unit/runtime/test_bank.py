@@ -13,7 +13,7 @@ from faultbond.contract.slots import plan_slots
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault
 from faultbond.types import FaultKind
-from made import EXAMPLES, plant_in_full, recorded, run, spec_of, stepped
+from made import EXAMPLES, Course, plant_in_full, recorded, spec_of, stepped
 
 NAME = "dc_motor_current"
 SPEC = spec_of(NAME)
@@ -49,9 +49,14 @@ void t_advance(State *state, const double *packed)
 
 
 @cache
+def course() -> Course:
+    """The motor along its recording."""
+    return Course(plant_in_full(NAME)[2], SAMPLES)
+
+
 def after(rows: int) -> Monitor:
     """The motor after a number of samples; not to be changed."""
-    return run(plant_in_full(NAME)[2], SAMPLES[:rows])[0]
+    return course().after(rows)
 
 
 @cache

@@ -25,7 +25,7 @@ from faultbond.synthesis.engine import build_engine
 from plants import LAMP
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
-ROWS, N_ASSETS = 520, 11
+ROWS, N_ASSETS, FAULTY = 520, 11, (1, 9)  # one faulty asset among the first eight, which are side by side, one behind
 FAULTS = {
     "dc_motor_current": ("K", 0.6, 1.5),
     "tied": ("K", 0.6, 1.5),
@@ -51,13 +51,12 @@ def built(name: str) -> tuple[EngineSpec, Core]:
 
 @cache
 def grid(name: str) -> Grid:
-    """Samples of assets, some of them faulty, each of them rough in its own way."""
+    """Samples of assets, two of them faulty, each of them with noise of its own and rough in its own way."""
     plant, (parameter, factor, start) = ("loop" if name == "variable" else name), FAULTS[name]
     fault = Fault(parameter=parameter, factor=factor, start=start)
-    runs = [made(plant, ROWS, fault if a % 4 == 1 else None, seed=2 + a % 3) for a in range(N_ASSETS)]
-    time = np.array([item.time for item in runs[0]])
-    u, y = (np.array([[getattr(item, key) for item in run] for run in runs]) for key in ("u", "y"))
+    time, u, y = of_runs(plant, [fault if a in FAULTY else None for a in range(N_ASSETS)], ROWS)
     generator = np.random.default_rng(7)
+    y += 0.3 * built(name)[0].output_noise * generator.standard_normal(y.shape)
     y[2][generator.random(y[2].shape) < 0.1] = np.nan
     for values in (u, y):
         values[3, 250:290] = np.nan  # a gap
@@ -259,7 +258,7 @@ def test_any_number_of_assets_side_by_side(width: int, tmp_path: Path) -> None:
     )
     library = compiled(f"{text}\n{threads}", tmp_path / "core.so", [*required_compiler(), *flags])
     core = load_core(library, spec, "cc")
-    time, u, y = (values[-400:] if values.ndim == 1 else values[:, -400:] for values in grid("dc_motor_current"))
+    time, u, y = (values[:330] if values.ndim == 1 else values[:, :330] for values in grid("dc_motor_current"))
     fleet = Fleet(core, N_ASSETS, threads=2)
     events = taken(fleet, (time, u, y))
     own = [watched(core, samples_of((time, u, y), asset), asset) for asset in range(N_ASSETS)]

@@ -11,7 +11,7 @@ from faultbond.contract.spec import EngineSpec
 from faultbond.runtime.monitor import Monitor
 from faultbond.runtime.names import find_hypothesis
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
-from made import changed, run, samples_of
+from made import Course, changed, run, samples_of
 from motor_sets import FEW, GRAPH, TRIPLES, WAITING, WHOLE, core_of
 
 OPEN = 0.5  # a bound from which on there is none
@@ -61,9 +61,14 @@ def test_what_is_hidden_stays_below_the_bound(spec: EngineSpec, faults: tuple[Fa
 
 
 @cache
+def course(spec: EngineSpec) -> Course:
+    """The monitor along a run with one fault."""
+    return Course(core_of(spec), recording(ONE, 3))
+
+
 def ended(spec: EngineSpec, last: int = 420) -> Monitor:
-    """The monitor at the end of a run with one fault; not to be changed."""
-    return run(core_of(spec), recording(ONE, 3)[:last])[0]
+    """The monitor at its end, or before it; not to be changed."""
+    return course(spec).after(last)
 
 
 def hidden(monitor: Monitor) -> Untested | None:
