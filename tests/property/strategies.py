@@ -189,6 +189,7 @@ def inputs(draw: st.DrawFn) -> Mapping:
     optional["suspect"] = draw(st.sampled_from(["yes", "no"]))
     optional["range"] = draw(st.sampled_from(["any", [f"-1 {unit}", "inf"]]))
     optional["lag"], optional["hold"] = draw(lags()), draw(st.sampled_from(["last", "linear"]))
+    optional["healthy_bias"], optional["fitted_range"] = f"{draw(sizes)} {unit}", [f"-2 {unit}", f"1e3 {unit}"]
     return {"unit": unit} | {key: value for key, value in optional.items() if draw(st.booleans())}
 
 
@@ -205,7 +206,8 @@ def sensors(draw: st.DrawFn, signals: list[tuple[str, str]]) -> Mapping:
         bare: Mapping = {"reads": reads, "noise": draw(sizes)}
         trusted = {"suspect": "no"} if draw(st.booleans()) else {}
         lag = {"lag": draw(lags())} if draw(st.booleans()) else {}
-        found[f"s_{len(found)}"] = draw(st.sampled_from([stated, bare])) | trusted | lag
+        biased = {"healthy_bias": draw(sizes)} if draw(st.booleans()) else {}
+        found[f"s_{len(found)}"] = draw(st.sampled_from([stated, bare])) | trusted | lag | biased
     return found
 
 

@@ -193,7 +193,7 @@ def test_the_report_is_a_page(model: Path, tmp_path: Path) -> None:
     page = tmp_path / "fit.html"
     call("fit", model, write_current(tmp_path / "a.csv"), "--report", page)
     text = page.read_text(encoding="utf-8")
-    assert "<h1>The data fix R and L. What is left is white.</h1>" in text
+    assert "<h1>The data fix R and L. What is left is white. R and L are far outside what was declared: " in text
     assert "Autocorrelation" in text
     assert "http://" not in text.replace("http://www.w3.org", "")
 

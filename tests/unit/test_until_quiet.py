@@ -249,7 +249,9 @@ def test_what_was_found_is_written_when_the_search_is_stopped(
     assert main(["fit", str(model), *map(str, made), *words]) == 128 + 2
     record = json.loads(target.read_text(encoding="utf-8").splitlines()[-1])
     assert (record["stopped"], record["rounds"], record["added"], record["raised"]) == (True, 0, [], [])
-    assert load_model(output).parameter("R").nominal == pytest.approx(R, rel=0.02)
+    written = load_model(output)
+    assert written.parameter("R").nominal == pytest.approx(R, rel=0.02)
+    assert written.input("V").fitted_range == pytest.approx((-4.0, 5.0))
     told = " ".join(capsys.readouterr().out.split()), " ".join(page.read_text(encoding="utf-8").split())
     for text in told:
         assert "The search was stopped before its end." in text

@@ -14,7 +14,6 @@ from faultbond.app.methods import BankWatcher, build_method, prepared_bank
 from faultbond.app.plant import WatchedPlant
 from faultbond.app.rows import begun, called, no_time, portions, progress
 from faultbond.app.signals import Stopping
-from faultbond.app.unit_guess import UnitGuess, guess_units, sentence_of
 from faultbond.app.wishes import Wanted
 from faultbond.contract.findings import History
 from faultbond.contract.json_records import run_record
@@ -35,14 +34,14 @@ from faultbond.types import Method, Verdict
 class PlantRun:
     """A run on a plant in time that is over.
 
-    trace: what it saw, None where nobody asked for it. units: signals that seem to be recorded in others than declared.
+    trace: what it saw, None where nobody asked for it. hints: sentences on what else an alarm may come from.
     """
 
     plant: WatchedPlant
     watcher: Watcher
     course: Course
     trace: Trace | None
-    units: tuple[UnitGuess, ...] = ()
+    hints: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -64,8 +63,8 @@ class PlantRun:
         if not (out.text is not None and out.text.isatty()):
             for item in self.silent:
                 sys.stderr.write(f"faultbond: {item.sentence(seconds)}.\n")
-            if self.units:
-                sys.stderr.write(f"faultbond: {sentence_of(self.units)}\n")
+            for told in self.hints:
+                sys.stderr.write(f"faultbond: {told}\n")
             if self.no_verdict:
                 sys.stderr.write(f"faultbond: no verdict: {self.no_verdict}.\n")
         if self.trace is None:
@@ -123,7 +122,7 @@ class PlantRun:
             no_verdict=self.no_verdict,
             disorder=course.disorder if self.verdict is Verdict.NONE else "",
             silent=self.silent,
-            units=sentence_of(self.units),
+            hints=self.hints,
         )
 
 
@@ -155,20 +154,28 @@ def watch_plant(
     if not course.counts.samples:
         passed = course.counts.duplicate and before
         raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording))
-    return run if live or before is not None else replace(run, units=_units(plant, recording, run))
+    return run if live or before is not None else _looked_at_again(plant, recording, run)
 
 
-def _units(plant: WatchedPlant, recording: Recording, run: PlantRun) -> tuple[UnitGuess, ...]:
-    """Give what signals seem to be recorded in, where an alarm was raised early."""
+def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -> PlantRun:
+    """Give a run with what else its alarm may come from: other units, or an operation that was never seen."""
     watcher, alarm = run.watcher, run.course.found.open
     if not isinstance(watcher, BankWatcher) or alarm is None or run.verdict is not Verdict.FAULT:
-        return ()
+        return run
     if not isinstance(recording, MemoryTable) and not Path(recording).is_file():
-        return ()  # what can be read once only
-    points = _points(read_blocks(recording, plant.columns), new_grid(watcher.spec, live=False))
+        return run  # what can be read once only
+
+    from faultbond.app.unfamiliar import unfamiliar_inputs, unfamiliar_sentence  # noqa: PLC0415 - after an alarm only
+    from faultbond.app.unit_guess import guess_units, sentence_of  # noqa: PLC0415 - loads the units
+
+    def points() -> Iterator[PointBlock]:
+        return _points(read_blocks(recording, plant.columns), new_grid(watcher.spec, live=False))
+
     with suppress(RecordingError):  # it was read before: what has become of it since is no matter of this run
-        return guess_units(iter(watcher.anew, None), points, alarm)
-    return ()
+        told = sentence_of(guess_units(iter(watcher.anew, None), points(), alarm))
+        stood = unfamiliar_sentence(unfamiliar_inputs(plant.graph, points(), alarm))
+        return replace(run, hints=tuple(filter(None, (told, stood))))
+    return run
 
 
 def _points(blocks: Iterable[RowBlock], grid: Grid) -> Iterator[PointBlock]:

@@ -110,11 +110,13 @@ class ModelBuilder:
         usual: Scalar | None = None,
         suspect: bool | None = None,
         healthy_bias: Scalar | None = None,
+        fitted_range: Sequence[Scalar] | None = None,
     ) -> Self:
         """Add a measured or commanded input, or one that nobody measures: `unknown`."""
         fields: Fields = {"unit": unit, "column": column, "noise": noise, "settling": settling, "hold": hold}
         fields = {**fields, "noise_of": noise_of, "lag": lag, "range": range, "unknown": unknown, "usual": usual}
-        return self._add("inputs", name, {**fields, "suspect": suspect, "healthy_bias": healthy_bias})
+        found = {"suspect": suspect, "healthy_bias": healthy_bias, "fitted_range": fitted_range}
+        return self._add("inputs", name, {**fields, **found})
 
     def component(
         self,

@@ -144,6 +144,8 @@ class _Writer:
         usual = self.graph.row_time is not None  # a mean stands in the middle of what it is of
         texts["noise_of"] = keys.NOISES_OF[1] if item.smooth else ""
         texts["hold"] = "" if item.linear == usual else keys.HOLDS[item.linear]
+        ends = [_value(end, item.unit) for end in item.fitted_range or ()]
+        texts["fitted_range"] = f"[{', '.join(ends)}]" if ends else ""
         return _flow(texts, keys.INPUT_KEYS)
 
     def unknown(self, item: Constant) -> str:

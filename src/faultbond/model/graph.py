@@ -116,6 +116,7 @@ class Input:
     lower, upper: what it can be, in SI, infinite if unknown; a value beyond is wrong
     suspect: whether a fault may falsify it; always False where there is no time.
     healthy_bias: standard deviation of the bias that is found of it on healthy data, SI; 0 where that is not known.
+    fitted_range: where it was in the recordings of a fit, SI; None where that is not known.
     """
 
     name: str
@@ -130,6 +131,7 @@ class Input:
     upper: float = math.inf
     suspect: bool = True
     healthy_bias: float = 0.0
+    fitted_range: tuple[float, float] | None = None
     line: int = 0
 
 

@@ -156,6 +156,10 @@ INPUT_KEYS = Keys(
         ),
         "usual": Key(VALUE, "of an unknown input: the value about which it moves; default 0"),
         "healthy_bias": _HEALTHY_BIAS,
+        "fitted_range": Key(
+            {"description": "", "type": "array", "items": VALUE, "minItems": 2, "maxItems": 2},
+            "where it was in the recordings of the fit, `[lowest, highest]`; `fit` writes it",
+        ),
         "suspect": Key(YES_NO, "`no` trusts the input"),
     },
     may_be_empty=True,

@@ -166,8 +166,16 @@ class ValueReader:
             upper=upper,
             suspect=read_instrument(self.head, fields),
             healthy_bias=read_healthy_bias(fields, found),
+            fitted_range=self._fitted_range(fields["fitted_range"], found) if "fitted_range" in fields else None,
             line=place.line,
         )
+
+    def _fitted_range(self, place: Spot, unit: Measure | None) -> tuple[float, float]:
+        """Give where an input was in the recordings of a fit, SI."""
+        lower, upper = (self._end(end, unit) for end in place.ends())
+        if not -math.inf < lower <= upper < math.inf:
+            raise place.error(": two values in order are expected, as in `[20 percent, 85 percent]`; mend one")
+        return lower, upper
 
     def _is_smooth(self, place: Spot, noise: float) -> bool:
         """Whether the noise of an input is that of its record."""

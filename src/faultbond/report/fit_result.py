@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.text import Text
 
@@ -98,6 +99,7 @@ class Fitted:
         section = dict.fromkeys((item.name for item in graph.sensors), "sensors")
         told = [(path[name], size) for name, size in self.declared_changes]
         told += [((section.get(name, "inputs"), name, "healthy_bias"), size) for name, size in self.declared_biases]
+        told += [(("inputs", name, "fitted_range"), ends) for name, ends in self.seen_inputs]
         return amended(text, told, graph.file)
 
     @property
@@ -132,6 +134,18 @@ class Fitted:
             if found > 0.0 or (item.name in self.healthy_changes and item.healthy_bias > 0.0):
                 unit = replace(item.unit, text="K") if item.unit.offset else item.unit  # a difference of temperatures
                 told.append((item.name, _joined(_up(found / unit.factor), unit)))
+        return tuple(told)
+
+    @property
+    def seen_inputs(self) -> tuple[tuple[str, str], ...]:
+        """Where each input was in the recordings, from the lowest to the highest, as the model file states it."""
+        told = []
+        for k, item in enumerate(self.graph.inputs):
+            u = np.concatenate([record.u[:, k] for record in self.found.records])
+            lower, upper = (item.unit.from_si(float(end)) for end in (u.min(), u.max()))
+            step = 10.0 ** (math.floor(math.log10(max(abs(lower), abs(upper)))) - 2) if lower or upper else 1.0
+            ends = (math.floor(lower / step) * step, math.ceil(upper / step) * step)
+            told.append((item.name, f"[{', '.join(_joined(f'{end:.6g}', item.unit) for end in ends)}]"))
         return tuple(told)
 
     def _compare(self, read: BondGraph) -> None:

@@ -180,7 +180,7 @@ def quiet_record(found: Quieted) -> Record:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class QuietPart:
     """A part of what is told of a fit until quiet: a table, which may be empty, and lines with their labels."""
 
     title: str
@@ -190,7 +190,7 @@ class Part:
     lines: tuple[tuple[str, str], ...] = ()
 
 
-def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[Part, ...]:
+def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
     """Give what was done to a model, what it cost, and what could not be mended.
 
     graph: the model as it was given
@@ -202,7 +202,7 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[Part, ...]:
         promise = f"time_between_false_alarms: {duration_text(found.health.promise)}; the model stated none"
         told.append(("promise", promise))
     parts = [
-        Part(
+        QuietPart(
             title="What the recordings call for",
             note=f"judged by {join(found.held)}, held back",
             header=("added", "of", "size", "unit", "over", "gain, nats", "held back"),
@@ -211,7 +211,7 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[Part, ...]:
         )
     ]
     if found.smallest_after:
-        cost = Part(
+        cost = QuietPart(
             title="What it costs",
             note=_within(found.smallest_after),
             header=("suspect", "smallest fault before", "now", "unit"),
@@ -220,7 +220,7 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[Part, ...]:
         )
         parts.append(cost)
     if not found.quiet or found.raised or not found.health.has_room:
-        parts.append(Part(title="What could not be mended", lines=tuple(_left_lines(found))))
+        parts.append(QuietPart(title="What could not be mended", lines=tuple(_left_lines(found))))
     return tuple(parts)
 
 

@@ -58,7 +58,7 @@ class RunCounts:
 
     no_verdict: why the run says nothing about the plant; empty where it does. disorder: the same where rows are so
     much out of order that an alarm says nothing either. silent: sensors and inputs that gave no value, hardly any, or
-    none for long. units: that signals seem to be recorded in other units than the model file says, if any do.
+    none for long. hints: sentences on what else an alarm may come from, such as a wrong unit.
     """
 
     samples: int
@@ -76,7 +76,7 @@ class RunCounts:
     no_verdict: str = ""
     disorder: str = ""
     silent: tuple[Silent, ...] = ()
-    units: str = ""
+    hints: tuple[str, ...] = ()
 
     def defects(self) -> str:
         """Say what was wrong with the recording, `3 missing, 1 late`; empty where nothing was."""
@@ -141,7 +141,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
         verdict=" ".join(
             filter(
                 None,
-                (counts.units, verdict_sentence(graph, history, counts, notation), early_sentence(graph, history)),
+                (*counts.hints, verdict_sentence(graph, history, counts, notation), early_sentence(graph, history)),
             )
         ),
         sensors=", ".join(sensor.name for sensor in graph.sensors),

@@ -1,0 +1,103 @@
+"""An alarm under an operation that was in no recording of the fit: the verdict says so."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faultbond.app.unfamiliar import BEFORE, Unfamiliar, unfamiliar_inputs, unfamiliar_sentence
+from faultbond.arrays import FloatArray
+from faultbond.cli import main
+from faultbond.contract.findings import Detection
+from faultbond.errors import ModelError
+from faultbond.io.grid import PointBlock
+from faultbond.model.amend import amended
+from faultbond.model.graph import BondGraph
+from faultbond.model.text import parse_model
+from made import EXAMPLES
+
+TEXT = (EXAMPLES / "tank" / "model.yaml").read_text(encoding="utf-8")
+ALARM = Detection(time=500.0, sample=500, change_time=480.0, signals=("flow",))
+
+
+def fitted(ends: str = "[20 percent, 60 percent]") -> BondGraph:
+    """The tank, whose inlet valve was open by so much in the recordings of a fit."""
+    return parse_model(amended(TEXT, [(("inputs", "u_in", "fitted_range"), ends)]))
+
+
+def course(u_in: FloatArray) -> list[PointBlock]:
+    """Points of 1 s with these openings of the inlet valve, in two blocks."""
+    n = len(u_in)
+    whole = PointBlock(
+        index=np.arange(n),
+        time=np.arange(n, dtype=np.float64),
+        dt=np.ones(n),
+        u=np.stack([u_in, np.full(n, 99.0)], axis=1),
+        y=np.zeros((n, 2)),
+        resumes=np.zeros(n, dtype=bool),
+    )
+    names = ("index", "time", "dt", "u", "y", "resumes")
+    return [PointBlock(**{name: getattr(whole, name)[part] for name in names}) for part in (slice(450), slice(450, n))]
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "value", "told"),
+    [
+        (490, 495, 70.0, True),  # between onset and alarm
+        (501 - BEFORE, 402, 70.0, True),
+        (300, 500 - BEFORE, 70.0, False),  # long before
+        (501, 600, 70.0, False),  # after the alarm
+        (490, 495, 63.9, False),  # within a tenth of the range beside it
+        (490, 495, 10.0, True),
+        (490, 495, np.nan, False),
+    ],
+)
+def test_what_was_never_seen_up_to_the_alarm_is_told(first: int, last: int, value: float, told: bool) -> None:
+    """An input beyond where it was in the recordings of the fit, from the onset or shortly before the alarm on."""
+    u_in = np.full(600, 40.0)
+    u_in[first : last + 1] = value
+    found = unfamiliar_inputs(fitted(), course(u_in), ALARM)
+    assert [(item.input.name, item.value) for item in found] == ([("u_in", value)] if told else [])
+
+
+def test_an_onset_long_before_the_alarm_counts_from_there() -> None:
+    """A slow fault may come from an operation of hours ago."""
+    u_in = np.full(600, 40.0)
+    u_in[250] = 90.0
+    early = Detection(time=500.0, sample=500, change_time=200.0, signals=("flow",))
+    assert [item.value for item in unfamiliar_inputs(fitted(), course(u_in), early)] == [90.0]
+    assert unfamiliar_inputs(fitted(), course(u_in), ALARM) == ()
+
+
+def test_where_nothing_is_known_nothing_is_told() -> None:
+    """Of a model that was not fitted, and of inputs that were where they are."""
+    assert unfamiliar_inputs(parse_model(TEXT), course(np.full(600, 90.0)), ALARM) == ()
+    assert unfamiliar_inputs(fitted("[90 percent, 90 percent]"), course(np.full(600, 91.0)), ALARM) == ()
+    assert unfamiliar_sentence(()) == ""
+
+
+def test_the_verdict_says_it_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Text, page and standard error."""
+    model, page = tmp_path / "model.yaml", tmp_path / "page.html"
+    model.write_text(fitted("[0 percent, 12 percent]").text, encoding="utf-8")
+    rows = (EXAMPLES / "tank" / "fault_pipe.csv").read_text().splitlines()[:1950]
+    recording = tmp_path / "fault_pipe.csv"
+    recording.write_text("\n".join([*rows, ""]))
+    assert main(["run", str(model), str(recording), "--report", str(page)]) == 1
+    said = capsys.readouterr()
+    told = "(0 to 12 percent in the recordings of the fit): there the model was never compared with the plant"
+    assert told in " ".join(said.out.split())
+    assert told in said.err
+    assert told in " ".join(page.read_text(encoding="utf-8").replace("\u00a0", " ").split())
+
+
+def test_it_is_read_and_written() -> None:
+    """In the unit of the input; what is no range of two values in order is refused."""
+    graph = fitted("[0.2, 60 percent]")
+    assert graph.input("u_in").fitted_range == (0.2, 60.0)
+    assert parse_model(graph.text).input("u_in").fitted_range == (0.2, 60.0)
+    for wrong in ("[60 percent, 20 percent]", "[0 percent, inf]"):
+        with pytest.raises(ModelError, match="two values in order are expected"):
+            fitted(wrong)
+    found = Unfamiliar(input=graph.input("u_in"), value=71.0)
+    assert unfamiliar_sentence([found]).startswith("Up to the alarm u_in was 71 percent (0.2 to 60 percent in the")
