@@ -27,7 +27,7 @@ help:
 	@echo "make thesis   compute the tables and figures of the thesis anew, into docs/thesis.md"
 	@echo "make trust    measure anew how good it is, into docs/trust.md and docs/figures.md (some four hours;"
 	@echo "              SEEDS=2 HOURS=1 for a try)"
-	@echo "make bench    measure the speed anew, into docs/speed.md, and run the other benchmarks (half an hour)"
+	@echo "make bench    measure the speed anew, into docs/speed.md, and run the other benchmarks (three quarters of an hour)"
 
 demo: compiler
 	@$(BIN)/faultbond demo
@@ -48,7 +48,7 @@ lint: $(DEV)
 golden: $(DEV) compiler
 	@echo "faultbond: rewriting tests/golden"
 	@FAULTBOND_GOLDEN=rewrite $(BIN)/python -m pytest -q tests/golden tests/unit/core/test_save.py
-	@git --no-pager diff --stat -- tests/golden
+	@git --no-pager diff --stat -- tests/golden src/faultbond/synthesis/templates/misra.txt
 
 docs: $(DEV) compiler
 	@echo "faultbond: renewing what commands print in the pages, then checking the pages"
@@ -87,13 +87,16 @@ trust: $(DEV) compiler
 	@git --no-pager diff --stat -- docs
 
 bench: $(DEV) compiler
-	@echo "faultbond: benchmarks, half an hour in all"
+	@echo "faultbond: benchmarks, three quarters of an hour in all"
 	@$(BIN)/python -m pip install --quiet --group bench
 	@echo "faultbond: speed (ten minutes)"
 	@$(BIN)/python -m benchmarks.speed --markdown docs/speed.md
 	@git --no-pager diff --stat -- docs/speed.md
 	@$(BIN)/python -m benchmarks.speed.monitor
 	@$(BIN)/python -m benchmarks.speed.large_bank
+	@echo "faultbond: programs on all targets (a quarter of an hour)"
+	@$(BIN)/python -m benchmarks.targets --markdown docs/embedding.md
+	@git --no-pager diff --stat -- docs/embedding.md
 	@echo "faultbond: figures (a quarter of an hour)"
 	@$(BIN)/python -m benchmarks.trust.figures
 	@echo "faultbond: equations, and the whole analysis"; $(BIN)/python -m benchmarks.speed.equations
