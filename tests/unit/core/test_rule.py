@@ -30,6 +30,7 @@ def said(
     alone: bool = True,
     n: int = 2,
     mismatch: float = 0.0,
+    stopped: float = np.nan,
 ) -> Any:
     """Let the diagnosis that was given last have this best candidate of so many; `share`: of its likeliest kind."""
     found = monitor._found[0]
@@ -37,6 +38,7 @@ def said(
     found["n_candidates"], found["is_unexplained"], found["signal"] = n, doubt, 0
     found["mismatch"] = mismatch
     best["hypothesis"], best["probability"], best["group"] = hypothesis, probability, 1
+    best["n_suspects"], best["suspects"]["stopped"][0] = 1, stopped
     best["n_kinds"], best["shares"][:2] = 2, (share, 1.0 - share)
     other["hypothesis"], other["probability"], other["group"] = hypothesis + 1, 1.0 - probability, not alone
     other["n_kinds"], other["shares"][:2] = 1, (1.0, 0.0)
@@ -58,6 +60,12 @@ def taken(monitor: Monitor, sample: int, hypothesis: int = 1, **more: Any) -> tu
 def test_nothing_is_sure_where_the_model_may_be_off() -> None:
     """A single tested set has all of the probability then, too, and is not accepted by the rule."""
     monitor, found = taken(Monitor(cell()), 100, probability=1.0, mismatch=0.5)
+    assert (sure(monitor), found) == (NOTHING, None)
+
+
+def test_what_acts_of_an_input_whose_record_stopped_is_nothing_to_go_on_by() -> None:
+    """Its meter has stuck for sure, and what to correct by is not known: no rule accepts that."""
+    monitor, found = taken(Monitor(cell()), 100, probability=1.0, stopped=40.0)
     assert (sure(monitor), found) == (NOTHING, None)
 
 

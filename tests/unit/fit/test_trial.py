@@ -20,6 +20,7 @@ from faultbond.io.examples import example
 from faultbond.io.grid import Grid, on_grid
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.text import load_model, parse_model
+from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.engine import build_core, build_engine
@@ -60,20 +61,22 @@ def test_it_sees_what_the_monitor_sees(lost: dict[str, slice]) -> None:
     assert (seen.climbs[2].max(axis=0) > 1.2 * seen.climbs[:2].max(axis=(0, 1))).all()
 
 
-def test_it_sees_what_an_input_was_while_the_monitor_waited() -> None:
-    """An input that goes far for the first time is believed once readings tell; filters beside know it from then on."""
-    graph, step = parse_model(CELL), 0.5
-    voltage = np.r_[np.repeat([2.0, 1.0] * 5, 10), np.full(60, 300.0)]
-    time = np.arange(len(voltage), dtype=np.float64) * step
-    inputs = Inputs(
-        time=np.asarray(time, dtype=np.float64), values=np.stack([voltage, np.full_like(voltage, 0.1)], axis=1)
-    )
+def jumping(to: float, noise: str, silent: range = range(0)) -> tuple[Core, list[Sample]]:
+    """A cell whose voltage goes far for the first time at sample 100; while `silent` no sensor reads."""
+    graph, step = parse_model(CELL.replace("noise: 10 mV", f"noise: {noise}")), 0.5
+    voltage = np.r_[np.repeat([2.0, 1.0] * 5, 10), np.full(60, to)]
+    time = np.asarray(np.arange(len(voltage)) * step, dtype=np.float64)
+    inputs = Inputs(time=time, values=np.stack([voltage, np.full_like(voltage, 0.1)], axis=1))
     made = simulate(graph, inputs, seed=3, start={"cell.q": 1.0})
-    core = build_engine(graph)[1]
-    points = [
-        Sample(time=step * k, dt=step, u=u, y=np.full(2, np.nan) if 100 <= k < 108 else y)
+    return build_engine(graph)[1], [
+        Sample(time=step * k, dt=step, u=u, y=np.full(2, np.nan) if k in silent else y)
         for k, (u, y) in enumerate(zip(inputs.values, made.outputs, strict=True))
     ]
+
+
+def test_it_sees_what_an_input_was_while_the_monitor_waited() -> None:
+    """An input that goes far for the first time is believed once readings tell; filters beside know it from then on."""
+    core, points = jumping(300.0, "10 mV", range(100, 108))
     seen = watch_recording(core, healthy_recording("cell", points, core), (Variant(noise=1.0 + 1e-12),))[0]
     monitor = Monitor(core, quiet=True)
     for k, point in enumerate(points):
@@ -83,6 +86,18 @@ def test_it_sees_what_an_input_was_while_the_monitor_waited() -> None:
         if k > 108:
             score = (point.y - report.expected) / np.sqrt(report.variance)
             assert seen.scores[k, judged] == pytest.approx(score[judged], rel=1e-6, abs=1e-6)
+
+
+def test_as_declared_the_heights_are_those_of_the_monitor() -> None:
+    """Also of the samples in which it waited to believe an input, where a filter that knows it has others."""
+    core, points = jumping(12.0, "0.3 V")
+    declared, hardly_else = watch_recording(
+        core, healthy_recording("cell", points, core), (Variant(), Variant(noise=1.0 + 1e-12))
+    )
+    monitor = Monitor(core, quiet=True)
+    told = np.array([monitor.step(point).cusum for point in points])
+    assert declared.height == pytest.approx(np.nan_to_num(told), rel=1e-12)
+    assert np.abs(declared.height - hardly_else.height)[101:110].max() > 0.1
 
 
 @pytest.mark.parametrize("size", [1.6, 1.8])
