@@ -37,6 +37,14 @@ class CacheError(FaultbondError):
     """Others may write the folder of compiled engines, so what is in it may be anybody's."""
 
 
+class SourceError(FaultbondError):
+    """A source of live values cannot be reached, or has been lost."""
+
+
+class StoreError(FaultbondError):
+    """What the service has to keep cannot be written or read."""
+
+
 def plain(text: str) -> str:
     """Give a text that cannot steer a terminal: controls, and marks that turn a text around, are `?`."""
     if text.isascii() and text.isprintable():

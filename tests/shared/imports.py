@@ -30,9 +30,10 @@ LEVELS = {
     "report": 8,
     "app": 9,
     "api": 10,
-    "cli": 10,
-    "__main__": 11,
-    "__init__": 11,
+    "service": 10,
+    "cli": 11,
+    "__main__": 12,
+    "__init__": 12,
 }
 
 

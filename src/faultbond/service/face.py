@@ -1,0 +1,82 @@
+"""What the page asks of the service: all in names and units of the model file, ready to be shown.
+
+Objects are plain JSON (dict, list, str, float or None where not finite). Times are Unix seconds or, of samples, those of the
+recording's clock. Docs: docs/service.md lists the keys and which of them are stable.
+"""
+
+from collections.abc import AsyncIterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from faultbond.service.messages import Action
+
+Shown = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What a person wants done. minutes: how long to shelve. undone: number of the deed to take back."""
+
+    asset: str
+    action: Action
+    who: str
+    comment: str = ""
+    target: Sequence[str] = ()
+    minutes: float | None = None
+    undone: int | None = None
+
+
+class Face(Protocol):
+    """The service as the page sees it.
+
+    A summary of an asset: `name`, `model`, `status` (a name of `Ne107`), `status_code`, `monitoring` (a value of
+    `Monitoring`), `headline` (a sentence), `since` (of the status, Unix s), `time` (of the last sample), `samples`,
+    `operation` (`alarms on`, `waiting`, `outside`), `alarm` (None or `state`, `since`, `acknowledged_by`, `shelved_until`,
+    `signals`, `change_time`), `best` (None or `names`, `probability`).
+
+    An asset: `summary`, `drawing` (SVG whose groups carry `data-component`), `suspicion` (probability by component),
+    `signals` (list of `name`, `role` sensor or input, `unit`, `in_use`), `cusum_limit`, `verdict` (sentences), `rows`
+    (candidates: `suspects` as a list of `name`, `component`, `nominal`, `estimate`, `sd`, `change` as texts with units;
+    `kinds`, `probability`, `percent`, `group`), `several`, `checks` (list of `what`, `why`), `notes`, `events` (list of
+    `text`, `alarm`), `ranking` (probability over time of the candidates: `time`, `names`, `probability`), `counts` (by
+    name), `journal` (newest first: `number`, `at`, `who`, `action`, `comment`, `target`, `undone_by`), `may` (the actions
+    that make sense now).
+
+    Curves: `time`, `inputs`, `measured`, `expected`, `sd`, `cusum`; all but the first and last two by signal, in its
+    unit; `sd`, `cusum` by sensor.
+    """
+
+    def site(self) -> Shown:
+        """Give `name`, `version`, `now`, `source`, and `assets`, a list of summaries."""
+
+    def asset(self, name: str) -> Shown:
+        """Give an asset. Raises KeyError where there is none of that name."""
+
+    def curves(self, name: str, begin: float | None, end: float | None, most: int) -> Shown:
+        """Give curves of an asset, the newest where no period is given. Raises KeyError."""
+
+    def health(self) -> Mapping[str, Any]:
+        """Give `ok`, and by part of the service whether it runs, and since when it does not."""
+
+    async def do(self, request: Request) -> Shown:
+        """Do what a person wants; it is on the disk when this returns. Gives the entry of the journal.
+
+        Raises
+        ------
+        KeyError
+            Where there is no such asset.
+        FaultbondError
+            Where it cannot be done now, in words for the person.
+        StoreError
+            Where it cannot be kept.
+        """
+
+    def report(self, name: str) -> str:
+        """Give the report of what the asset saw lately, a page of HTML. Raises KeyError."""
+
+    def listen(self, most: int = 100) -> AsyncIterator[tuple[str, Shown]]:
+        """Give what happens from now on: (`summary`, a summary), (`samples`, `asset` and curves of new points),
+        (`asset`, an asset whose diagnosis, alarm or journal changed).
+
+        Who does not take `most` of them in time is cut off: the iterator ends, and it may listen anew.
+        """

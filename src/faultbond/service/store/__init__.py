@@ -1,0 +1,4 @@
+"""Where the service keeps what must not be lost.
+
+In: what came of arrivals and what people did. Out: the same, after any stop. Read `base`, `sqlite`, `chunks`.
+"""

@@ -1,0 +1,100 @@
+"""What a store offers. The log of an asset, rows and deeds in their order, is the truth; all else follows from it.
+
+A checkpoint is the state behind a number of rows. After a stop the asset is restored from the last one, and the rows and
+decisions behind it pass once more: the same input gives the same records, of the same names.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from faultbond.io.row_block import RowBlock
+from faultbond.service.messages import Curves, Deed, Told
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Commit:
+    """What came of some arrivals of an asset, or of a deed; written all or not at all.
+
+    rows, arrived, cursor: see `Arrivals`; None: there were none. curves, records: what the asset made of them.
+    deeds: what people did, behind the rows. checkpoint: the state behind all of that; None: none was made.
+    """
+
+    asset: str
+    rows: RowBlock | None = None
+    arrived: float = 0.0
+    cursor: str = ""
+    curves: Curves | None = None
+    records: tuple[Told, ...] = ()
+    deeds: tuple[Deed, ...] = ()
+    checkpoint: bytes | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stand:
+    """Where an asset's log stands.
+
+    rows: that it has. cursor: of the last arrivals. checkpoint: the newest, behind `checkpoint_rows` rows and
+    `checkpoint_deeds` deeds; None where there is none.
+    """
+
+    rows: int = 0
+    cursor: str = ""
+    checkpoint: bytes | None = None
+    checkpoint_rows: int = 0
+    checkpoint_deeds: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Enrolment:
+    """An asset as the store knows it. n_inputs, n_outputs: of its model, by which rows and curves are read."""
+
+    asset: str
+    model_sha256: str
+    label: str
+    text: str
+    n_inputs: int
+    n_outputs: int
+
+
+class Store(Protocol):
+    """Keeps logs, records and checkpoints. Calls come from one thread at a time.
+
+    Every method raises `StoreError` where the store cannot be read or written, in words that name it and what to do.
+    What `commit` was given is safe when it returns, and a record is kept once however often it is given.
+    """
+
+    def enrol(self, enrolment: Enrolment) -> Stand:
+        """Make an asset known and tell where its log stands; one of another model begins a new log, the old is kept."""
+
+    def commit(self, parts: Sequence[Commit]) -> None:
+        """Write what came of some arrivals and deeds, all or nothing; on the disk when this returns."""
+
+    def log_after(self, asset: str, rows: int, deeds: int) -> Iterator[RowBlock | Deed]:
+        """Give rows and deeds of the log behind so many of each, in their order."""
+
+    def records(
+        self,
+        asset: str | None = None,
+        *,
+        kinds: Sequence[str] = (),
+        begin: float | None = None,
+        end: float | None = None,
+        newest: int | None = None,
+    ) -> Iterator[Told]:
+        """Give records in the order in which they came, of a period of the recording's clock; `newest`: only so many."""
+
+    def deeds(self, asset: str | None = None, *, newest: int | None = None) -> Iterator[Deed]:
+        """Give what people did, in order; `newest`: only so many."""
+
+    def curves(
+        self, asset: str, begin: float | None = None, end: float | None = None, most: int | None = None
+    ) -> Curves | None:
+        """Give curves of a period; of more than `most` points only some, so that peaks are still seen. None: there are none."""
+
+    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> int:
+        """Forget rows and curves, never records or deeds, that arrived before a time, or the oldest until the store has
+        `at_most` bytes; what the newest checkpoint needs stays. Give how many rows went."""
+
+    def close(self) -> None:
+        """Close it."""
