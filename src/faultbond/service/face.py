@@ -1,7 +1,7 @@
 """What the page asks of the service: all in names and units of the model file, ready to be shown.
 
-Objects are plain JSON (dict, list, str, float or None where not finite). Times are Unix seconds or, of samples, those of the
-recording's clock. Docs: docs/service.md lists the keys and which of them are stable.
+Objects are plain JSON (dict, list, str, float, None where not finite). Times are Unix seconds or, of samples, those of
+the recording's clock. docs/service.md lists the keys and which of them are stable.
 """
 
 from collections.abc import AsyncIterator, Mapping, Sequence
@@ -31,16 +31,16 @@ class Face(Protocol):
 
     A summary of an asset: `name`, `model`, `status` (a name of `Ne107`), `status_code`, `monitoring` (a value of
     `Monitoring`), `headline` (a sentence), `since` (of the status, Unix s), `time` (of the last sample), `samples`,
-    `operation` (`alarms on`, `waiting`, `outside`), `alarm` (None or `state`, `since`, `acknowledged_by`, `shelved_until`,
-    `signals`, `change_time`), `best` (None or `names`, `probability`).
+    `operation` (`alarms on`, `waiting`, `outside`), `alarm` (None or `state`, `since`, `acknowledged_by`,
+    `shelved_until`, `signals`, `change_time`), `best` (None or `names`, `probability`).
 
     An asset: `summary`, `drawing` (SVG whose groups carry `data-component`), `suspicion` (probability by component),
     `signals` (list of `name`, `role` sensor or input, `unit`, `in_use`), `cusum_limit`, `verdict` (sentences), `rows`
     (candidates: `suspects` as a list of `name`, `component`, `nominal`, `estimate`, `sd`, `change` as texts with units;
     `kinds`, `probability`, `percent`, `group`), `several`, `checks` (list of `what`, `why`), `notes`, `events` (list of
     `text`, `alarm`), `ranking` (probability over time of the candidates: `time`, `names`, `probability`), `counts` (by
-    name), `journal` (newest first: `number`, `at`, `who`, `action`, `comment`, `target`, `undone_by`), `may` (the actions
-    that make sense now).
+    name), `journal` (newest first: `number`, `at`, `who`, `action`, `comment`, `target`, `undone_by`), `may` (the
+    actions that make sense now).
 
     Curves: `time`, `inputs`, `measured`, `expected`, `sd`, `cusum`; all but the first and last two by signal, in its
     unit; `sd`, `cusum` by sensor.
@@ -75,8 +75,9 @@ class Face(Protocol):
         """Give the report of what the asset saw lately, a page of HTML. Raises KeyError."""
 
     def listen(self, most: int = 100) -> AsyncIterator[tuple[str, Shown]]:
-        """Give what happens from now on: (`summary`, a summary), (`samples`, `asset` and curves of new points),
-        (`asset`, an asset whose diagnosis, alarm or journal changed).
+        """Give what happens from now on, each with its name.
 
-        Who does not take `most` of them in time is cut off: the iterator ends, and it may listen anew.
+        They are `summary`, a summary; `samples`, curves of new points with the key `asset`; and `asset`, an asset whose
+        diagnosis, alarm or journal changed. Who does not take `most` of them in time is cut off: the iterator ends, and
+        it may listen anew.
         """

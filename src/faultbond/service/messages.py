@@ -54,8 +54,8 @@ DECISIONS = frozenset({Action.ACCEPT, Action.REJECT, Action.REPAIRED})  # they c
 class Deed:
     """What a person did.
 
-    at: when, by the clock of the service. rows: of the asset's log that were before it. target: names of the suspects of
-    a candidate, of a decision. until: when shelving ends. undone: number of the deed that an `undo` takes back.
+    at: when, by the clock of the service. rows: of the asset's log that were before it. target: names of the suspects
+    of a candidate, of a decision. until: when shelving ends. undone: number of the deed that an `undo` takes back.
     number: of the deed in the store, from 1; 0 before it is there.
     """
 

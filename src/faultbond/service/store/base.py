@@ -1,7 +1,7 @@
 """What a store offers. The log of an asset, rows and deeds in their order, is the truth; all else follows from it.
 
-A checkpoint is the state behind a number of rows. After a stop the asset is restored from the last one, and the rows and
-decisions behind it pass once more: the same input gives the same records, of the same names.
+A checkpoint is the state behind a number of rows. After a stop the asset is restored from the last one, and the rows
+and decisions behind it pass once more: the same input gives the same records, of the same names.
 """
 
 from collections.abc import Iterator, Sequence
@@ -82,7 +82,7 @@ class Store(Protocol):
         end: float | None = None,
         newest: int | None = None,
     ) -> Iterator[Told]:
-        """Give records in the order in which they came, of a period of the recording's clock; `newest`: only so many."""
+        """Give records in the order in which they came, of a period of their clock; `newest`: only so many."""
 
     def deeds(self, asset: str | None = None, *, newest: int | None = None) -> Iterator[Deed]:
         """Give what people did, in order; `newest`: only so many."""
@@ -90,11 +90,14 @@ class Store(Protocol):
     def curves(
         self, asset: str, begin: float | None = None, end: float | None = None, most: int | None = None
     ) -> Curves | None:
-        """Give curves of a period; of more than `most` points only some, so that peaks are still seen. None: there are none."""
+        """Give curves of a period, None where there are none; of more than `most` points those that show all peaks."""
 
     def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> int:
-        """Forget rows and curves, never records or deeds, that arrived before a time, or the oldest until the store has
-        `at_most` bytes; what the newest checkpoint needs stays. Give how many rows went."""
+        """Forget rows and curves, never records or deeds, and give how many rows went.
+
+        Those go that arrived before a time, and the oldest until the store has `at_most` bytes. What the newest
+        checkpoint needs stays.
+        """
 
     def close(self) -> None:
         """Close it."""
