@@ -66,6 +66,7 @@ class Course:
         self._inputs = Presence([item.name for item in watcher.spec.inputs], INPUT)
         self._sensors = Presence([item.name for item in watcher.spec.outputs], SENSOR)
         self._told, self._lost = -1, 0
+        self.sample = before.clock.last_index if before is not None else -1  # grid point that was taken last
         self._time = before.clock.last_time if before is not None else nan
         if self._trace is not None:
             detections = () if self.found.open is None else (self.found.open,)
@@ -92,7 +93,7 @@ class Course:
 
     def _take(self, samples: Samples, reports: Reports, last: int) -> None:
         """Take what the method says to some samples, the last of which is the grid point `last`."""
-        self._time = float(samples.time[-1])
+        self._time, self.sample = float(samples.time[-1]), last
         self._count(samples, reports)
         if self._trace is not None:
             self._trace.add(samples, reports)
@@ -277,7 +278,7 @@ class Course:
 
         outside: the model does not hold now, so that nothing new is known.
         """
-        if self._out.json is not None:  # a long text, for which a program that asks for results has no use
+        if self._out.has_records:  # a long text, for which a program that asks for results has no use
             self._out.record(diagnosis_record(diagnosis, outside=outside))
         self._hear(diagnosis)
         self._told = sample

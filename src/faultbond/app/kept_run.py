@@ -34,8 +34,7 @@ def read_before(path: Path | None, graph: BondGraph, method: Method | None = Non
     if not path.is_file():
         raise RecordingError(f"{path}: this is no file, so no run can be kept in it. Name a file.")
     saved = read_saved(path)
-    _refuse_other_model(path, saved, graph)
-    refuse_strange(path, saved, graph)
+    refuse_other(str(path), saved, graph)
     if method not in (None, saved.method):
         raise RecordingError(
             f"{path}: it was saved by --method {saved.method.value}. Give that method, or name another file."
@@ -43,8 +42,16 @@ def read_before(path: Path | None, graph: BondGraph, method: Method | None = Non
     return saved
 
 
-def _refuse_other_model(path: Path, saved: Saved, graph: BondGraph) -> None:
+def refuse_other(path: str, saved: Saved, graph: BondGraph) -> None:
+    """Refuse a run of another model, or one that cannot be of this plant.
+
+    Raises
+    ------
+    RecordingError
+        Where it is one of them; `path` is what it calls the run.
+    """
     if saved.model_sha256 == graph.sha256:
+        refuse_strange(path, saved, graph)
         return
     other = f"the model {saved.model!r}" if saved.model != graph.name else "an earlier form of this model"
     raise RecordingError(

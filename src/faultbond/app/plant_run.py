@@ -227,7 +227,7 @@ def begin(
     curves : whether all samples are kept; else what people are told in words, where somebody reads it
     hear : is given what is found
     """
-    watcher = _watcher(plant, wanted, before)
+    watcher = watcher_of(plant, wanted, before)
     spec = watcher.spec
     grid = new_grid(spec, live=live, clock=before.clock if before else None)
     trace = Trace(spec, curves=curves, lag=watcher.lag) if curves or out.text is not None else None
@@ -236,7 +236,7 @@ def begin(
     return BegunRun(run=PlantRun(plant=plant, watcher=watcher, course=course, trace=trace), grid=grid)
 
 
-def _watcher(plant: WatchedPlant, wanted: Wanted, before: Saved | None) -> Watcher:
+def watcher_of(plant: WatchedPlant, wanted: Wanted, before: Saved | None) -> Watcher:
     """Give the method, from what the cache knows of the plant where it can be loaded."""
     numbers = before.numbers if before is not None else None
     if plant.prepared is not None:

@@ -10,7 +10,8 @@ from time import monotonic
 from faultbond.contract.samples import Sample
 from faultbond.errors import RecordingError
 from faultbond.io.files import STANDARD_INPUT
-from faultbond.io.grid import MAX_BLOCK, GridPoint, RowBlock
+from faultbond.io.grid import GridPoint, RowBlock
+from faultbond.io.grid_points import MAX_BLOCK
 from faultbond.io.memory_table import MemoryTable, Recording
 from faultbond.io.out import Out
 

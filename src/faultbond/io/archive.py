@@ -34,8 +34,8 @@ def write_archive(stream: IO[bytes], about: Mapping[str, Any], arrays: Mapping[s
     np.savez(stream, allow_pickle=False, **texts, **floats)
 
 
-def read_archive(path: Path) -> tuple[dict[str, Any], dict[str, FloatArray]]:
-    """Give the JSON object and the arrays that `write_archive` wrote.
+def read_archive(source: Path | bytes) -> tuple[dict[str, Any], dict[str, FloatArray]]:
+    """Give the JSON object and the arrays that `write_archive` wrote, to a file or into memory.
 
     Raises
     ------
@@ -44,13 +44,14 @@ def read_archive(path: Path) -> tuple[dict[str, Any], dict[str, FloatArray]]:
     ValueError, BadZipFile
         Where it is not of this kind, or damaged.
     """
-    if path.stat().st_size > MAX_SIZE:
+    size = len(source) if isinstance(source, bytes) else source.stat().st_size
+    if size > MAX_SIZE:
         raise ValueError(f"larger than {MAX_SIZE} bytes")
-    with ZipFile(path) as archive:
+    with ZipFile(BytesIO(source) if isinstance(source, bytes) else source) as archive:
         members = archive.infolist()
         if len({member.filename for member in members}) < len(members):
             raise ValueError("a name appears twice")
-        if sum(member.file_size for member in members) > path.stat().st_size:
+        if sum(member.file_size for member in members) > size:
             raise ValueError("more than the file holds")
         arrays = {member.filename.removesuffix(_SUFFIX): _member(archive, member) for member in members}
     texts = [arrays.pop(name) for name in (ABOUT, CHECKSUM)]

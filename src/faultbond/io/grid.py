@@ -18,6 +18,7 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.errors import RecordingError
 from faultbond.io.frozen import Frozen
+from faultbond.io.grid_points import GridPoint, PointBlock, blocks_of_points, empty_points
 from faultbond.io.row_block import Row, RowBlock, block_of_rows, joined
 from faultbond.io.row_means import RowMeans
 
@@ -31,86 +32,10 @@ MAX_FILLED = 10_000_000  # the same where the clock is steady; more are an error
 GAP = 1.5  # usual intervals between two rows beyond which one between them is absent
 LATEST = 253402300799.0  # s, in Unix seconds the end of the year 9999; what is beyond was not given in seconds
 CLOCK_ROWS = 10  # rows in a row that are too old, and go on from each other: the clock was set back
-MAX_BLOCK = 4096  # points that are made one by one and given together
 SHORTEST = 2 * LOOK_BACK  # rows that are worth a block
 SHORTEST_LIVE = 5  # the same of a live stream
 KEPT_FIRSTS = 20  # recordings, or parts of them, that are known when they are given again
 Time = TypeVar("Time", float, FloatArray)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class GridPoint:
-    """One step of the engine: `dt` seconds after the point before it (0 for the first).
-
-    u (n_inputs,), y (n_outputs,): SI, as in `Row`; nan where there is no value.
-    resumes: what was between the point before and this one is not known, as the clock was set or rows are absent for
-    too long; `dt` is then one sample.
-    """
-
-    index: int
-    time: float
-    dt: float
-    u: FloatArray
-    y: FloatArray
-    resumes: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PointBlock:
-    """Grid points one after the other, each as in `GridPoint`.
-
-    index, time, dt, resumes: (n_points,); u (n_points, n_inputs), y (n_points, n_outputs).
-    """
-
-    index: IntArray
-    time: FloatArray
-    dt: FloatArray
-    u: FloatArray
-    y: FloatArray
-    resumes: BoolArray
-
-    def __len__(self) -> int:
-        return len(self.index)
-
-    def points(self) -> Iterator[GridPoint]:
-        """Give them one by one."""
-        for k in range(len(self)):
-            yield GridPoint(
-                index=int(self.index[k]),
-                time=float(self.time[k]),
-                dt=float(self.dt[k]),
-                u=self.u[k],
-                y=self.y[k],
-                resumes=bool(self.resumes[k]),
-            )
-
-
-def blocks_of_points(points: Iterable[GridPoint]) -> Iterator[PointBlock]:
-    """Give points in blocks; those before an error come before it."""
-    gathered: list[GridPoint] = []
-    try:
-        for point in points:
-            gathered.append(point)
-            if len(gathered) == MAX_BLOCK:
-                yield _block_of_points(gathered)
-                gathered = []
-    except RecordingError:
-        if gathered:
-            yield _block_of_points(gathered)
-        raise
-    if gathered:
-        yield _block_of_points(gathered)
-
-
-def _block_of_points(points: Sequence[GridPoint]) -> PointBlock:
-    return PointBlock(
-        index=np.array([point.index for point in points]),
-        time=np.array([point.time for point in points]),
-        dt=np.array([point.dt for point in points]),
-        u=np.array([point.u for point in points]),
-        y=np.array([point.y for point in points]),
-        resumes=np.array([point.resumes for point in points]),
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,6 +159,11 @@ class Grid:
             frozen=self._frozen.memory if self._frozen is not None else None,
             firsts=self._firsts,
         )
+
+    @property
+    def holds_back(self) -> bool:
+        """Whether there are rows that `clock` does not know."""
+        return bool(self._waiting or self._behind) or self._best is not None or self._means is not None
 
     @property
     def counts(self) -> Counts:
@@ -561,7 +491,7 @@ class Grid:
         if index == first:
             return (point,)
         times = (start + (k - began) * (step or 0.0) for k in range(first, index))
-        return chain(_empty_points(first, times, step or 0.0, row), (point,))
+        return chain(empty_points(first, times, step or 0.0, row), (point,))
 
 
 def _n_true(flags: BoolArray) -> int:
@@ -582,15 +512,6 @@ def _nearest(index: IntArray, distance: FloatArray) -> IntArray:
     runs = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(index)))
     least = np.flatnonzero(distance == np.minimum.reduceat(distance, starts)[runs])
     return least[np.unique(runs[least], return_index=True)[1]]
-
-
-def _empty_points(first: int, times: Iterable[float], step: float, like: Row) -> Iterator[GridPoint]:
-    """Give the points from `first` on at some times, for which there is no row."""
-    u, y = np.full_like(like.u, np.nan), np.full_like(like.y, np.nan)
-    u.setflags(write=False)
-    y.setflags(write=False)
-    for index, time in enumerate(times, start=first):
-        yield GridPoint(index=index, time=time, dt=step, u=u, y=y)
 
 
 def on_grid(rows: Iterable[Row], grid: Grid) -> Iterator[GridPoint]:

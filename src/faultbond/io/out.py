@@ -5,7 +5,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,12 +22,13 @@ STANDARD_OUTPUT = "-"
 class Out:
     """Two streams, either of which may be None: then what is written to it is dropped.
 
-    replaces: file that the records take the place of at the end, if they do.
+    replaces: file that the records take the place of at the end, if they do. hear: is given each record, too.
     """
 
     text: TextIO | None
     json: TextIO | RecordFile | None
     replaces: Path | None = None
+    hear: Callable[[Mapping[str, object]], None] | None = None
 
     def say(self, line: str = "") -> None:
         """Write a line for people."""
@@ -45,6 +46,8 @@ class Out:
 
     def record(self, record: Mapping[str, object]) -> None:
         """Write one JSON record and flush it; a number that is not finite becomes null."""
+        if self.hear is not None:
+            self.hear(record)
         if self.json is None:
             return
         self.json.write(json.dumps(finite(record), ensure_ascii=False, allow_nan=False) + "\n")
@@ -66,9 +69,14 @@ class Out:
         return self.json.mark() if isinstance(self.json, RecordFile) else None
 
     @property
+    def has_records(self) -> bool:
+        """Whether records are taken at all."""
+        return self.json is not None or self.hear is not None
+
+    @property
     def is_silent(self) -> bool:
         """Whether nothing is written anywhere, as where a program asks for results."""
-        return self.text is None and self.json is None
+        return self.text is None and not self.has_records
 
     @property
     def is_mixed(self) -> bool:

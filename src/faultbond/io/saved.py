@@ -7,7 +7,9 @@ whole before any of it is used.
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from io import BytesIO
 from pathlib import Path
+from typing import IO
 from zipfile import BadZipFile
 
 import numpy as np
@@ -120,6 +122,18 @@ _MISTAKES = (BadZipFile, EOFError, KeyError, NotImplementedError, OverflowError,
 
 def write_saved(path: Path, saved: Saved) -> None:
     """Write a run to a file, which is replaced as a whole; who reads it meanwhile gets the one before."""
+    with replaced(path) as stream:
+        _write(stream, saved)
+
+
+def bytes_of_saved(saved: Saved) -> bytes:
+    """Give a run as what `write_saved` writes."""
+    stream = BytesIO()
+    _write(stream, saved)
+    return stream.getvalue()
+
+
+def _write(stream: IO[bytes], saved: Saved) -> None:
     clock = saved.clock
     about = _About(
         format=FORMAT,
@@ -139,8 +153,7 @@ def write_saved(path: Path, saved: Saved) -> None:
         arrays[_ROWS + name] = np.array([getattr(row, name) for row in clock.placed])
     if clock.frozen is not None:
         arrays[_FROZEN] = clock.frozen
-    with replaced(path) as stream:
-        write_archive(stream, asdict(about), arrays)
+    write_archive(stream, asdict(about), arrays)
 
 
 def read_saved(path: Path) -> Saved:
@@ -151,8 +164,28 @@ def read_saved(path: Path) -> Saved:
     RecordingError
         Where the file cannot be read, is not of this kind, or is damaged.
     """
+    return _read(path, str(path))
+
+
+def saved_from(content: bytes, name: str) -> Saved:
+    """Give the run that `bytes_of_saved` gave.
+
+    Parameters
+    ----------
+    content : its bytes
+    name : what an error calls it
+
+    Raises
+    ------
+    RecordingError
+        Where it is not of this kind, or is damaged.
+    """
+    return _read(content, name)
+
+
+def _read(source: Path | bytes, path: str) -> Saved:
     try:
-        told, arrays = read_archive(path)
+        told, arrays = read_archive(source)
         if told["format"] != FORMAT:
             raise ValueError(told["format"])
         about = typed(_About, told, _LIMITS)
@@ -187,7 +220,7 @@ def read_saved(path: Path) -> Saved:
         raise RecordingError(f"{path}: {_STRANGE}") from error
 
 
-def refuse_strange(path: Path, saved: Saved, graph: BondGraph) -> None:
+def refuse_strange(path: str, saved: Saved, graph: BondGraph) -> None:
     """Refuse a run that is whole, but cannot be one of this plant.
 
     Raises

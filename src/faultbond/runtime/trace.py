@@ -21,11 +21,12 @@ class Trace:
     spec : the model
     curves : False keeps only the first and the last sample and the last diagnosis, in memory of fixed size
     lag : samples by which what a report expects is of an earlier sample
+    newest : how many samples are kept at least, and twice as many at most; None: all are
     """
 
-    def __init__(self, spec: EngineSpec, *, curves: bool = True, lag: int = 0) -> None:
+    def __init__(self, spec: EngineSpec, *, curves: bool = True, lag: int = 0, newest: int | None = None) -> None:
         self._spec = spec
-        self._lag = lag
+        self._lag, self._newest = lag, newest
         self._curves = curves
         self._slow = np.array([error.alarms for error in spec.slow_errors], dtype=bool)
         n_y, n_u = len(spec.outputs), len(spec.inputs)
@@ -59,6 +60,8 @@ class Trace:
         elif not self._curves and len(rows) > 1:
             rows = rows[[0, -1]]
         self._numbers.frombytes(rows.tobytes())
+        if self._newest is not None and len(self._numbers) > 2 * self._newest * self._width:
+            del self._numbers[: -self._newest * self._width]
         if reports.detection is not None:
             self._detections.append(reports.detection)
             self._open = reports.detection
@@ -93,9 +96,10 @@ class Trace:
         """Take what a person ruled out."""
         self._rejected.append(rejected)
 
-    def history(self) -> History:
-        """Give all that was kept."""
-        rows = np.array(self._numbers).reshape(-1, self._width)
+    def history(self, newest: int | None = None) -> History:
+        """Give all that was kept, or of the samples the newest `newest`."""
+        first = 0 if newest is None else max(len(self._numbers) - newest * self._width, 0)
+        rows = np.array(self._numbers[first:]).reshape(-1, self._width)
         time, measured, expected, variance, inputs, cusum, slow = np.split(rows, self._ends, axis=1)
         expected, variance = (_earlier(values, self._lag) for values in (expected, variance))
         settings = self._spec.thresholds
