@@ -92,7 +92,7 @@ class PlantRun:
 
         from faultbond import report as pages  # noqa: PLC0415 - loads rich and jinja2
 
-        untested, counts = pages.unfalsifiable_text(self.watcher.spec), self._counts()
+        untested, counts = pages.unfalsifiable_text(self.watcher.spec), self.counts()
         history, title = self._history(), self.watcher.title
         console = Console(file=stream)
         pages.print_diagnosis(console, self.plant.graph, history, engine_title=title, counts=counts, untested=untested)
@@ -104,14 +104,15 @@ class PlantRun:
 
         graph, spec = self.plant.graph, self.watcher.spec
         strokes = dict(assign_causality(graph).strokes)
-        return pages.render_report(graph, self._history(), strokes, self.watcher.title, spec.version, self._counts())
+        return pages.render_report(graph, self._history(), strokes, self.watcher.title, spec.version, self.counts())
 
     def _history(self) -> History:
         if self.trace is None:
             raise ValueError("nobody asked for what the run saw")
         return self.trace.history()
 
-    def _counts(self) -> Any:
+    def counts(self) -> Any:
+        """Give what `faultbond.report` says of the rows."""
         from faultbond.report import RunCounts  # noqa: PLC0415 - not all need it
 
         course = self.course

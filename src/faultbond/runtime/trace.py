@@ -7,7 +7,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Decision, Detection, Diagnosis, History
-from faultbond.contract.samples import Reports, Samples
+from faultbond.contract.samples import STATUSES, Reports, Samples, Status
 from faultbond.contract.spec import EngineSpec
 
 MAX_DIAGNOSES = 500  # kept; of a longer run every second one, then every fourth, and so on
@@ -37,6 +37,7 @@ class Trace:
         self._open: Detection | None = None
         self._diagnoses: list[Diagnosis] = []
         self._stride = 1
+        self.status: Status | None = None  # at the newest sample
         self._passed = 0  # diagnoses seen
         self._last: Diagnosis | None = None
         self._accepted: list[Decision] = []
@@ -60,6 +61,7 @@ class Trace:
         elif not self._curves and len(rows) > 1:
             rows = rows[[0, -1]]
         self._numbers.frombytes(rows.tobytes())
+        self.status = STATUSES[reports.status[-1]]
         if self._newest is not None and len(self._numbers) > 2 * self._newest * self._width:
             del self._numbers[: -self._newest * self._width]
         if reports.detection is not None:

@@ -34,7 +34,7 @@ class Face(Protocol):
     `operation` (`alarms on`, `waiting`, `outside`), `alarm` (None or `state`, `since`, `acknowledged_by`,
     `shelved_until`, `signals`, `change_time`), `best` (None or `names`, `probability`).
 
-    An asset: `summary`, `drawing` (SVG whose groups carry `data-component`), `suspicion` (probability by component),
+    An asset: `summary`, `drawing` (SVG whose groups carry `data-name`), `suspicion` (probability by component),
     `signals` (list of `name`, `role` sensor or input, `unit`, `in_use`), `cusum_limit`, `verdict` (sentences), `rows`
     (candidates: `suspects` as a list of `name`, `component`, `nominal`, `estimate`, `sd`, `change` as texts with units;
     `kinds`, `probability`, `percent`, `group`), `several`, `checks` (list of `what`, `why`), `notes`, `events` (list of

@@ -1,0 +1,320 @@
+"""The service at work: arrivals and deeds go through one worker in order, and what is in the store is told to all."""
+
+import asyncio
+import threading
+import time
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+from faultbond.equations.causality import assign_causality
+from faultbond.errors import SourceError, StoreError
+from faultbond.report.drawing import draw
+from faultbond.service.asset import Asset
+from faultbond.service.face import Request, Shown
+from faultbond.service.hub import Hub
+from faultbond.service.messages import Action, Arrivals, Deed, Monitoring
+from faultbond.service.shown import asset_of, curves_of, journal_of, summary_of
+from faultbond.service.site import Site
+from faultbond.service.sources.base import Source, Subscriber
+from faultbond.service.standing import standing
+from faultbond.service.store.base import Store
+from faultbond.service.watching import AssetPlan, Done, Watch
+
+MOST_WAITING = 1000  # arrivals and deeds between the sources and the worker; more wait in the sources
+MOST_TOGETHER = 200  # of them that make one transaction
+JOURNAL = 200  # newest deeds that are shown
+TICK = 1.0  # s between two looks at who has gone silent
+FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0  # s before a source that was lost is opened again
+RETRY = 1.0  # s before the store is tried again
+
+Open = Callable[[str, Sequence[Subscriber]], Source]
+
+
+@dataclass(slots=True)
+class _Feed:
+    """A source. trouble: why it gives nothing now, since when; empty: it does. ended: it has nothing more."""
+
+    source: Source
+    assets: tuple[str, ...]
+    trouble: str = ""
+    since: float = 0.0
+    ended: bool = False
+
+
+@dataclass(slots=True)
+class _Seen:
+    """What the service knows of an asset beside its log. counts: of what did not become rows."""
+
+    arrived: float | None = None
+    status: tuple[Any, ...] = ()
+    since: float = 0.0
+    counts: Counter[str] = field(default_factory=Counter)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Wish:
+    """A deed that somebody waits for."""
+
+    deed: Deed
+    answer: "asyncio.Future[Deed]"
+
+
+def _stands_alone(item: Arrivals | _Wish) -> bool:
+    """Whether nothing is done together with an item: what takes back reads the log, in which all before it must be."""
+    return isinstance(item, _Wish) and item.deed.action is Action.UNDO
+
+
+class Service:
+    """Watches a site and answers for it; it has the face that the page asks.
+
+    Parameters
+    ----------
+    site : what is watched
+    store : that keeps it
+    open_source : gives the source of an address, for who it feeds
+    hear : is given what came of every item once it is in the store
+    clock : gives Unix s
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        store: Store,
+        open_source: Open,
+        *,
+        hear: Callable[[Done], None] | None = None,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._site, self._store, self._clock = site, store, clock
+        self._hear = hear or (lambda _: None)
+        self._watch = Watch(
+            [AssetPlan(name=item.name, plant=item.plant, accept=item.accept) for item in site.assets], store
+        )
+        self._began = clock()
+        self._seen = {item.name: _Seen(since=self._began) for item in site.assets}
+        self._drawings = {
+            item.name: draw(item.plant.graph, dict(assign_causality(item.plant.graph).strokes)) for item in site.assets
+        }
+        self._feeds = tuple(
+            self._feed(address, open_source) for address in dict.fromkeys(i.source for i in site.assets)
+        )
+        self._hub = Hub()
+        self._lock = threading.Lock()  # of assets and store, between the worker and those who ask
+        self._inbox: asyncio.Queue[Arrivals | _Wish] = asyncio.Queue(MOST_WAITING)
+        self._store_trouble = ""
+        self._stopped = False
+
+    async def run(self) -> None:
+        """Watch until cancelled; then keep every asset as it stands."""
+        with ThreadPoolExecutor(1, thread_name_prefix="core") as worker:
+            try:
+                async with asyncio.TaskGroup() as tasks:
+                    for feed in self._feeds:
+                        tasks.create_task(self._pump(feed))
+                    tasks.create_task(self._work(worker))
+                    tasks.create_task(self._tick())
+            finally:
+                self._stopped = True
+                self._hub.close()
+                with self._lock:
+                    self._watch.close()
+
+    # What the page asks: see `face.Face`.
+
+    def site(self) -> Shown:
+        """Give the overview."""
+        with self._lock:
+            assets = [self._summary(asset) for asset in self._watch.assets.values()]
+            version = next(iter(self._watch.assets.values())).spec.version
+        return {
+            "name": self._site.name,
+            "version": version,
+            "now": self._clock(),
+            "source": ", ".join(feed.source.address for feed in self._feeds),
+            "assets": assets,
+        }
+
+    def asset(self, name: str) -> Shown:
+        """Give an asset."""
+        with self._lock:
+            return self._asset(self._watch.assets[name])
+
+    def curves(self, name: str, begin: float | None, end: float | None, most: int) -> Shown:
+        """Give curves of an asset, those of the memory where no period is given."""
+        with self._lock:
+            asset = self._watch.assets[name]
+            graph = asset.plant.graph
+            if begin is None and end is None:
+                return curves_of(graph, asset.curves(most))
+            return curves_of(graph, self._store.curves(name, begin, end, most))
+
+    def report(self, name: str) -> str:
+        """Give the report of what an asset saw lately."""
+        with self._lock:
+            return self._watch.assets[name].run.page()
+
+    def health(self) -> Mapping[str, Any]:
+        """Tell which parts work."""
+        parts: dict[str, Shown] = {
+            feed.source.address: {
+                "ok": not feed.trouble and not feed.ended,
+                "trouble": feed.trouble or ("it has ended" if feed.ended else ""),
+                "since": feed.since or self._began,
+            }
+            for feed in self._feeds
+        }
+        parts["store"] = {"ok": not self._store_trouble, "trouble": self._store_trouble, "since": self._began}
+        return {"ok": all(part["ok"] for part in parts.values()) and not self._stopped, "parts": parts}
+
+    def listen(self, most: int = 100) -> AsyncIterator[tuple[str, Shown]]:
+        """Give what happens from now on."""
+        return self._hub.listen(most)
+
+    async def do(self, request: Request) -> Shown:
+        """Do what a person wants, in its place among the rows."""
+        now = self._clock()
+        if request.asset not in self._seen:
+            raise KeyError(request.asset)
+        deed = Deed(
+            asset=request.asset,
+            action=request.action,
+            at=now,
+            who=request.who,
+            rows=0,
+            comment=request.comment,
+            target=tuple(request.target),
+            until=now + 60.0 * request.minutes if request.minutes is not None else None,
+            undone=request.undone,
+        )
+        answer: asyncio.Future[Deed] = asyncio.get_running_loop().create_future()
+        await self._inbox.put(_Wish(deed=deed, answer=answer))
+        await answer
+        with self._lock:
+            return journal_of(self._store.deeds(request.asset, newest=JOURNAL))[0]
+
+    # The tasks.
+
+    async def _pump(self, feed: _Feed) -> None:
+        """Take what a source gives; open it again, later and later, where it is lost."""
+        delay = FIRST_DELAY
+        while True:
+            await self._inbox.join()  # so that its cursors are known
+            cursors = {name: at for name, at in self._watch.cursors.items() if name in feed.assets}
+            try:
+                async for arrivals in feed.source.arrivals(cursors):
+                    feed.trouble, feed.since, delay = "", 0.0, FIRST_DELAY
+                    await self._inbox.put(arrivals)
+                feed.ended, feed.since = True, self._clock()
+                return
+            except SourceError as error:
+                feed.trouble, feed.since = str(error), feed.since or self._clock()
+            await asyncio.sleep(delay)
+            delay = min(2.0 * delay, LONGEST_DELAY)
+
+    async def _work(self, worker: ThreadPoolExecutor) -> None:
+        """Pass items on to the assets, write what came of them, and tell it."""
+        loop = asyncio.get_running_loop()
+        while True:
+            items = [await self._inbox.get()]
+            while len(items) < MOST_TOGETHER and not self._inbox.empty() and not _stands_alone(items[-1]):
+                items.append(self._inbox.get_nowait())
+            done = await loop.run_in_executor(worker, self._take, items)
+            await self._settle(worker, items)
+            self._answer(items, done)
+            for name, content in await loop.run_in_executor(worker, self._news, items, done):
+                self._hub.publish(name, content)
+            for _ in items:
+                self._inbox.task_done()
+
+    def _take(self, items: Sequence[Arrivals | _Wish]) -> list[Done]:
+        with self._lock:
+            for item in items:
+                if isinstance(item, Arrivals):
+                    seen = self._seen[item.asset]
+                    seen.arrived = item.arrived
+                    seen.counts.update(item.counts)
+            return self._watch.take([item.deed if isinstance(item, _Wish) else item for item in items])
+
+    async def _settle(self, worker: ThreadPoolExecutor, items: Sequence[Arrivals | _Wish]) -> None:
+        """Write what was taken; where that fails, say so to who waits, and try until it is written."""
+        while True:
+            try:
+                await asyncio.get_running_loop().run_in_executor(worker, self._settled)
+            except StoreError as error:
+                self._store_trouble = str(error)
+                for item in items:
+                    if isinstance(item, _Wish) and not item.answer.done():
+                        item.answer.set_exception(StoreError(f"{error} It is tried again until it is written."))
+                await asyncio.sleep(RETRY)
+                continue
+            self._store_trouble = ""
+            return
+
+    def _settled(self) -> None:
+        with self._lock:
+            self._watch.settle()
+
+    def _answer(self, items: Sequence[Arrivals | _Wish], done: Sequence[Done]) -> None:
+        for item, what in zip(items, done, strict=True):
+            self._hear(what)
+            if not isinstance(item, _Wish) or item.answer.done():
+                continue
+            if what.error is not None:
+                item.answer.set_exception(what.error)
+            elif what.deed is not None:
+                item.answer.set_result(what.deed)
+
+    def _news(self, items: Sequence[Arrivals | _Wish], done: Sequence[Done]) -> list[tuple[str, Shown]]:
+        """Give the messages that follow from what was done."""
+        if not self._hub.n_listeners:
+            return []
+        news: list[tuple[str, Shown]] = []
+        changed = {what.asset for what in done if what.outcome.records or what.deed}
+        with self._lock:
+            assets = self._watch.assets
+            for what in done:
+                curves = what.outcome.curves
+                if curves is not None:
+                    shown = curves_of(assets[what.asset].plant.graph, curves)
+                    news.append(("samples", {"asset": what.asset, **shown}))
+            for name in dict.fromkeys(what.asset for what in done):
+                news.append(("summary", self._summary(assets[name])))
+                if name in changed:
+                    news.append(("asset", self._asset(assets[name])))
+        return news
+
+    async def _tick(self) -> None:
+        """Tell who has gone silent, or whose shelf has ended."""
+        known: dict[str, tuple[Any, ...]] = {}
+        while True:
+            await asyncio.sleep(TICK)
+            with self._lock:
+                summaries = [self._summary(asset) for asset in self._watch.assets.values()]
+            for summary in summaries:
+                now = tuple(str(summary[key]) for key in ("status", "monitoring", "alarm"))
+                if known.get(summary["name"], now) != now:
+                    self._hub.publish("summary", summary)
+                known[summary["name"]] = now
+
+    # What is shown; the lock is held.
+
+    def _feed(self, address: str, open_source: Open) -> _Feed:
+        fed = [item for item in self._site.assets if item.source == address]
+        subscribers = [Subscriber(asset=item.name, columns=item.plant.columns, graph=item.plant.graph) for item in fed]
+        return _Feed(source=open_source(address, subscribers), assets=tuple(item.name for item in fed))
+
+    def _summary(self, asset: Asset) -> Shown:
+        seen, now = self._seen[asset.name], self._clock()
+        stands = standing(asset, silence=None if seen.arrived is None else now - seen.arrived, stopped=self._stopped)
+        status = (stands.status, stands.monitoring is Monitoring.NO_DATA)
+        if seen.status != status:
+            seen.status, seen.since = status, now
+        return summary_of(asset, stands, since=seen.since, now=now)
+
+    def _asset(self, asset: Asset) -> Shown:
+        deeds = self._store.deeds(asset.name, newest=JOURNAL)
+        summary, counts = self._summary(asset), self._seen[asset.name].counts
+        return asset_of(asset, summary, self._drawings[asset.name], deeds, counts, now=self._clock())

@@ -1,0 +1,106 @@
+"""How an asset stands: its status by NAMUR NE 107, whether it is watched at all, and a sentence."""
+
+from dataclasses import dataclass
+
+from faultbond.contract.findings import Diagnosis
+from faultbond.contract.samples import Status
+from faultbond.model.graph import BondGraph
+from faultbond.report.numbers import clock_text, duration_text, probability_text
+from faultbond.report.verdict import best_group, set_name
+from faultbond.service.asset import Asset
+from faultbond.service.messages import Monitoring, Ne107
+from faultbond.types import FaultKind
+
+BEGINNING = frozenset({None, Status.WAITING, Status.STARTING, Status.WARMING, Status.LOST})
+NAMED = 3  # candidates that a sentence names
+PATIENCE = 10.0  # samples, and s, without a row after which there are no data
+LIKELY = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """Status, monitoring and a sentence."""
+
+    status: Ne107
+    monitoring: Monitoring
+    headline: str
+
+
+def patience(asset: Asset) -> float:
+    """Give the time without a row after which an asset has no data, s."""
+    return PATIENCE * max(asset.spec.sample_time or 1.0, 1.0)
+
+
+def standing(asset: Asset, *, silence: float | None, stopped: bool = False) -> Standing:
+    """Tell how an asset stands.
+
+    Parameters
+    ----------
+    asset : the asset
+    silence : s since its last row came; None: none has
+    stopped : whether nothing watches it any more
+    """
+    monitoring = _monitoring(asset, silence, stopped=stopped)
+    healthy, told = _of_the_plant(asset, monitoring)
+    if monitoring is Monitoring.STOPPED:
+        return Standing(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=f"Not watched. {told}")
+    if monitoring is Monitoring.NO_DATA:
+        last = "" if silence is None else f" for {duration_text(silence, digits=2)}"
+        return Standing(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=f"No data{last}. {told}".strip())
+    if asset.alarm.out_of_service:
+        return Standing(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=f"Out of service. {told}")
+    return Standing(status=healthy, monitoring=monitoring, headline=told)
+
+
+def _monitoring(asset: Asset, silence: float | None, *, stopped: bool) -> Monitoring:
+    if stopped:
+        return Monitoring.STOPPED
+    if silence is None or silence > patience(asset):
+        return Monitoring.NO_DATA
+    return Monitoring.INITIALISING if asset.status in BEGINNING else Monitoring.RUNNING
+
+
+def _of_the_plant(asset: Asset, monitoring: Monitoring) -> tuple[Ne107, str]:
+    """Give the status and the sentence that the last samples call for."""
+    detection = asset.detection
+    if detection is not None:
+        diagnosis = asset.diagnosis
+        at = f"Alarm at {clock_text(detection.time)}"
+        if diagnosis is None or not diagnosis.candidates:
+            return Ne107.FAILURE, f"{at}; there is no diagnosis yet."
+        return _status_of(diagnosis), f"{at}: {sentence_of(asset.plant.graph, diagnosis)}"
+    if asset.status is Status.OUTSIDE:
+        return Ne107.CHECK_FUNCTION, "The model does not hold in this operation; nothing is judged."
+    if monitoring is Monitoring.INITIALISING:
+        return Ne107.CHECK_FUNCTION, f"Not judged yet: {(asset.status or Status.WAITING).value}."
+    silent = asset.run.silent
+    if silent:
+        return Ne107.MAINTENANCE_REQUIRED, f"{silent[0].fact(clock_text)}; all else is as the model expects."
+    return Ne107.NORMAL, "As the model expects."
+
+
+def _status_of(diagnosis: Diagnosis) -> Ne107:
+    """Give the status that a diagnosis calls for.
+
+    What no hypothesis explains is out of specification of the model; what drifts still works, and so does a plant of
+    which nothing is off by more than is known.
+    """
+    best = diagnosis.candidates[0]
+    if diagnosis.unexplained is not None or diagnosis.mismatch > LIKELY:
+        return Ne107.OFF_SPEC
+    if diagnosis.within_accuracy > LIKELY or all(item.kind is FaultKind.DRIFT for item in best_group(diagnosis)):
+        return Ne107.MAINTENANCE_REQUIRED
+    return Ne107.FAILURE if best.probability > 0.0 else Ne107.OFF_SPEC
+
+
+def sentence_of(graph: BondGraph, diagnosis: Diagnosis) -> str:
+    """Say in a line what a diagnosis comes to."""
+    group = best_group(diagnosis)
+    named = [f"{set_name(graph, item)} ({probability_text(item.probability)})" for item in group[:NAMED]]
+    more = f" or one of {len(group) - NAMED} more" if len(group) > NAMED else ""
+    told = f"{' or '.join(named)}{more}"
+    if diagnosis.unexplained is not None:
+        return f"no fault of the model explains it; nearest comes {told}."
+    if diagnosis.within_accuracy > LIKELY:
+        return f"nothing has changed beyond what is known; else {told}."
+    return f"{told}."
