@@ -98,12 +98,12 @@ class Service:
         self._drawings = {
             item.name: draw(item.plant.graph, dict(assign_causality(item.plant.graph).strokes)) for item in site.assets
         }
-        self._feeds = tuple(
-            self._feed(address, open_source) for address in dict.fromkeys(i.source for i in site.assets)
-        )
+        addresses = dict.fromkeys(item.source for item in site.assets)
+        self._feeds = tuple(self._feed(address, open_source) for address in addresses)
         self._hub = Hub()
         self._lock = threading.Lock()  # of assets and store, between the worker and those who ask
         self._inbox: asyncio.Queue[Arrivals | _Wish] = asyncio.Queue(MOST_WAITING)
+        self._next: Arrivals | _Wish | None = None  # taken from it, to be done by itself
         self._store_trouble = ""
         self._stopped = False
 
@@ -218,9 +218,7 @@ class Service:
         """Pass items on to the assets, write what came of them, and tell it."""
         loop = asyncio.get_running_loop()
         while True:
-            items = [await self._inbox.get()]
-            while len(items) < MOST_TOGETHER and not self._inbox.empty() and not _stands_alone(items[-1]):
-                items.append(self._inbox.get_nowait())
+            items = await self._gathered()
             done = await loop.run_in_executor(worker, self._take, items)
             await self._settle(worker, items)
             self._answer(items, done)
@@ -228,6 +226,18 @@ class Service:
                 self._hub.publish(name, content)
             for _ in items:
                 self._inbox.task_done()
+
+    async def _gathered(self) -> list[Arrivals | _Wish]:
+        """Wait for an item, and give it with all that have come besides."""
+        first, self._next = self._next or await self._inbox.get(), None
+        items = [first]
+        while len(items) < MOST_TOGETHER and not self._inbox.empty() and not _stands_alone(first):
+            item = self._inbox.get_nowait()
+            if _stands_alone(item):
+                self._next = item
+                break
+            items.append(item)
+        return items
 
     def _take(self, items: Sequence[Arrivals | _Wish]) -> list[Done]:
         with self._lock:

@@ -68,7 +68,7 @@ def site_of(
         Where a model cannot be read, or two would have the same name.
     """
     paths = list(models) or [example(DEMO) / "model.yaml"]
-    assets = []
+    assets = list[SiteAsset]()
     for path in paths:
         name = path.stem if path.stem != "model" else path.resolve().parent.name
         if any(item.name == name for item in assets):
