@@ -47,7 +47,11 @@ LATE_IMPORTS = (
     ("api", "polars"),
     ("api", "pyarrow"),
     ("api", "rich"),
+    ("cli", "faultbond.service"),  # not all need it
     ("cli", "importlib.metadata"),
+    ("service", "fastapi"),  # extras
+    ("service", "uvicorn"),
+    ("service", "faultbond.service.web"),  # loads fastapi
     ("cli", "faultbond.model.quantities"),
 )
 MAX_MODULE_LINES = 600

@@ -50,6 +50,7 @@ def add_verbs(verbs: Subparsers) -> None:
     """Add all verbs, in the order in which the help shows them."""
     for add in (_add_check, _add_analyse, _add_fit, _add_simulate, _add_run, _add_decisions, _add_generate, _add_demo):
         add(verbs)
+    _add_serve(verbs)
     _add_doctor(verbs)
     _add_completion(verbs)
 
@@ -414,6 +415,36 @@ def _add_demo(verbs: Subparsers) -> None:
         help="where to write the report (default: %(default)s)",
     )
     _add_engine(parser)
+
+
+def _add_serve(verbs: Subparsers) -> None:
+    """Add `serve`."""
+
+    def call(arguments: argparse.Namespace, out: Out) -> int:
+        from faultbond.service.program import serve  # noqa: PLC0415 - not all need it
+        from faultbond.service.site import read_site, site_of  # noqa: PLC0415
+
+        source, store, port = arguments.source, arguments.store, arguments.port
+        if arguments.site is not None and (arguments.models or source or store or arguments.accept):
+            raise FaultbondError("--site: models, --source, --store and --accept stand in the site file then.")
+        site = (
+            read_site(arguments.site, port=port)
+            if arguments.site is not None
+            else site_of(arguments.models, source=source, store=store, port=port, accept=arguments.accept)
+        )
+        serve(site, check=arguments.check, out=out)
+        return DONE
+
+    summary = "watch live sources, keep what happens, and show it to operators on a page"
+    parser = _add_verb(verbs, "serve", call, summary, "faultbond serve model.yaml --source file:live.csv", model=False)
+    add = parser.add_argument
+    add("models", metavar="MODEL", type=Path, nargs="*", help="model file, YAML; none: the built-in water tank")
+    add("--site", metavar="FILE", type=Path, help="YAML file that names assets, models, sources and users instead")
+    add("--source", metavar="ADDRESS", help="where values come from, such as file:live.csv or - (default: sim:)")
+    add("--store", metavar="FILE", help="where all is kept, and gone on from (default: faultbond.sqlite)")
+    add("--port", metavar="N", type=_number("--port", 0, 65535), help="port of the page (default: 8350); 0: any")
+    add("--accept", metavar="LEVEL", type=_level, help="as of `run`")
+    add("--check", action="store_true", help="only say what would be watched, and whether it can be")
 
 
 def _add_doctor(verbs: Subparsers) -> None:

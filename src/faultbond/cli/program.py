@@ -21,7 +21,7 @@ from faultbond.io.out import STANDARD_OUTPUT, drop_output, open_out
 
 USER_MISTAKE, INTERNAL_ERROR = 2, 3
 NOBODY_READS = 141  # as shells report a pipe that was closed
-GROWING = ("run", "demo")  # verbs whose records are read while they run
+GROWING = ("run", "demo", "serve")  # verbs whose records are read while they run
 TRACEBACK = "FAULTBOND_TRACEBACK"
 EXIT_CODES = (
     "Exit codes: 0 done; 1 `run` detected a fault; 2 a mistake in the command, the model or the recording; 3 a "

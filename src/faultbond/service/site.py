@@ -78,8 +78,8 @@ def site_of(
     return Site(name=names, assets=tuple(assets), store=store or str(STORE), port=PORT if port is None else port)
 
 
-def read_site(path: Path) -> Site:
-    """Give the site of a file; paths in it are taken from where it lies.
+def read_site(path: Path, *, port: int | None = None) -> Site:
+    """Give the site of a file; paths in it are taken from where it lies. port: another one than the file says.
 
     Raises
     ------
@@ -97,13 +97,13 @@ def read_site(path: Path) -> Site:
     keep = _table(told["keep"], source, ("days",)) if "keep" in told else {}
     usual = _text(told.get("source"), source) or SIMULATED
     accept = _number(told.get("accept"), source, 0.5, 1.0)
-    port = _number(listen.get("port"), source, 0.0, 65535.0)
+    own = _number(listen.get("port"), source, 0.0, 65535.0)
     return Site(
         name=_text(told.get("name"), source) or path.stem,
         assets=tuple(_assets(listed, source, path.parent, usual, accept)),
         store=_beside(path.parent, _text(told.get("store"), source) or str(STORE)),
         host=_text(listen.get("address"), source) or HOST,
-        port=PORT if port is None else int(port),
+        port=port if port is not None else PORT if own is None else int(own),
         days=_number(keep.get("days"), source, 1e-3, 1e6),
         users=MappingProxyType(dict(_users(told.get("users"), source))),
     )

@@ -1,0 +1,176 @@
+"""`serve`: a site watched until somebody stops it, with its page."""
+
+import asyncio
+import signal
+import socket
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from ipaddress import ip_address
+from pathlib import Path
+from types import ModuleType
+
+from faultbond.app.signals import STOPPING, Stopped
+from faultbond.contract.json_records import Record
+from faultbond.errors import FaultbondError
+from faultbond.io.out import Out
+from faultbond.service.serving import Service
+from faultbond.service.site import Site
+from faultbond.service.sources.base import Subscriber
+from faultbond.service.sources.opening import open_source
+from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.watching import Done
+
+EXTRA = 'The page needs more: install it by `pip install "faultbond[serve]"`.'
+GRACE = 5.0  # s that answers which are being given have at the end
+
+
+def serve(site: Site, *, out: Out, check: bool = False) -> None:
+    """Watch a site and show it, until a signal comes; then every asset is kept as it stands.
+
+    check: only say what would be watched, once it is known that it can be.
+
+    Raises
+    ------
+    FaultbondError
+        Where the address is taken, or open to others without a login, or a part is not installed.
+    StoreError
+        Where the store cannot be opened or, at the end, written.
+    Stopped
+        When a signal came.
+    """
+    uvicorn = _web_server()
+    _refuse_open_door(site)
+    if check:
+        _tell(site, out)
+        return
+    number = asyncio.run(_serve(site, out, uvicorn))
+    if number is not None:
+        raise Stopped(number)
+
+
+def _tell(site: Site, out: Out) -> None:
+    """Say what a site watches."""
+    for item in site.assets:
+        open_source(item.source, [Subscriber(asset=item.name, columns=item.plant.columns, graph=item.plant.graph)])
+        rule = "" if item.accept is None else f"; accepts what is {item.accept:g} sure"
+        out.say(f"{item.name}: {item.plant.graph.name} ({item.plant.document[0]}) from {item.source}{rule}")
+    people = ", ".join(f"{user.name} ({user.role})" for user in site.users.values())
+    out.say(f"Kept in {site.store}. Page: {site.host}:{site.port}. People: {people or 'whoever is at this machine'}.")
+    out.record(
+        {
+            "record": "site",
+            "name": site.name,
+            "assets": [{"name": i.name, "model": i.plant.document[0], "source": i.source} for i in site.assets],
+            "store": site.store,
+            "address": site.host,
+            "port": site.port,
+        }
+    )
+
+
+def _web_server() -> ModuleType:
+    try:
+        import fastapi  # noqa: F401, PLC0415 - an extra
+        import uvicorn  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise FaultbondError(EXTRA) from error
+    return uvicorn
+
+
+def _refuse_open_door(site: Site) -> None:
+    """Refuse to be reached from elsewhere where nobody has to log in."""
+    with suppress(ValueError):
+        if ip_address(site.host).is_loopback:
+            return
+    if site.host == "localhost" or site.users:
+        return
+    raise FaultbondError(
+        f"listen: {site.host} can be reached from elsewhere, and there are no users. Name them in the site file, "
+        "or listen on 127.0.0.1."
+    )
+
+
+async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
+    """Run service and page; gives the signal that ended it."""
+    from faultbond.service.web.application import application  # noqa: PLC0415 - needs fastapi
+
+    door = _bound(site)
+    store = SqliteStore(Path(site.store), tell=out.warn)
+    try:
+        service = Service(site, store, open_source, hear=lambda done: _record(out, done))
+        config = uvicorn.Config(
+            application(service), log_level="warning", access_log=False, timeout_graceful_shutdown=int(GRACE)
+        )
+        server = uvicorn.Server(config)
+        server.capture_signals = _no_signals  # ours go first
+        with door, _signals() as stopped:
+            at = f"[{site.host}]" if ":" in site.host else site.host
+            out.say(f"{site.name}: http://{at}:{door.getsockname()[1]}/ - Ctrl-C stops it.")
+            watching = asyncio.create_task(service.run())
+            showing = asyncio.create_task(server.serve(sockets=[door]))
+            ended = asyncio.create_task(stopped.wait())
+            await asyncio.wait((watching, showing, ended), return_when=asyncio.FIRST_COMPLETED)
+            ended.cancel()
+            watching.cancel()
+            with suppress(asyncio.CancelledError):
+                await watching
+            server.should_exit = True
+            await showing
+        return stopped.number
+    finally:
+        store.close()
+
+
+def _bound(site: Site) -> socket.socket:
+    """Give the socket of the page."""
+    try:
+        return socket.create_server((site.host, site.port), family=_family(site.host), backlog=256)
+    except OSError as error:
+        raise FaultbondError(
+            f"{site.host}:{site.port}: cannot listen there: {error.strerror or error}. Name another by --port."
+        ) from error
+
+
+def _family(host: str) -> socket.AddressFamily:
+    return socket.AF_INET6 if ":" in host else socket.AF_INET
+
+
+class _Stop(asyncio.Event):
+    """Set by a signal, which it notes."""
+
+    number: int | None = None
+
+    def note(self, number: int) -> None:
+        """Take a signal."""
+        self.number = number
+        self.set()
+
+
+@contextmanager
+def _signals() -> Iterator[_Stop]:
+    """Note the signals that stop the program."""
+    loop, stop = asyncio.get_running_loop(), _Stop()
+    taken = [number for number in STOPPING if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.getsignal(number) for number in taken}
+    for number in taken:
+        loop.add_signal_handler(number, stop.note, int(number))
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            loop.remove_signal_handler(number)
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _no_signals() -> Iterator[None]:
+    yield
+
+
+def _record(out: Out, done: Done) -> None:
+    """Write the records of an asset, each with its asset and id."""
+    for told in done.outcome.records:
+        record: Record = {"record": told.kind, "asset": told.asset, "id": told.id, **told.content}
+        out.record(record)
+        sys.stdout.flush()

@@ -1,0 +1,87 @@
+"""What a site file may say, and how mistakes in it are told."""
+
+from pathlib import Path
+
+import pytest
+
+from faultbond.errors import FaultbondError
+from faultbond.service.site import PORT, SIMULATED, read_site, site_of
+
+MODEL = Path("examples/rlc/model.yaml").resolve()
+
+
+def written(folder: Path, text: str) -> Path:
+    """Write a site file with a model beside it."""
+    (folder / "loop.yaml").write_text(MODEL.read_text())
+    path = folder / "site.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_a_site_file_names_all(tmp_path: Path) -> None:
+    """Each asset has its model, source and rule, or those of the site; paths are taken from where the file lies."""
+    text = """\
+name: hall 7
+store: kept.sqlite
+source: mqtt://broker/plant/+
+accept: 0.99
+listen: {address: 0.0.0.0, port: 9000}
+keep: {days: 30}
+assets:
+  left: {model: loop.yaml}
+  right: {model: loop.yaml, source: "file:right.csv", accept: 0.9}
+users:
+  anna: {role: operate, password: "scrypt$1"}
+"""
+    site = read_site(written(tmp_path, text))
+    assert (site.name, site.host, site.port, site.days) == ("hall 7", "0.0.0.0", 9000, 30.0)  # noqa: S104
+    assert site.store == str(tmp_path / "kept.sqlite")
+    assert [(item.name, item.source, item.accept) for item in site.assets] == [
+        ("left", "mqtt://broker/plant/+", 0.99),
+        ("right", "file:right.csv", 0.9),
+    ]
+    assert site.users["anna"].role == "operate"
+
+
+def test_little_is_enough(tmp_path: Path) -> None:
+    """A model for each asset; all else has a default."""
+    site = read_site(written(tmp_path, "assets: {loop: {model: loop.yaml}}\n"))
+    assert (site.name, site.port, site.days, dict(site.users)) == ("site", PORT, None, {})
+    assert [(item.source, item.accept) for item in site.assets] == [(SIMULATED, None)]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("name: x\n", "site.yaml:1: no assets; write `assets: {NAME: {model: FILE}}`"),
+        ("assets: {a: {model: loop.yaml}}\nport: 1\n", "site.yaml:2: unknown key `port`; there are name, store"),
+        ("assets:\n  a b: {model: loop.yaml}\n", "site.yaml:2: asset `a b`: a name has letters"),
+        ("assets:\n  a: {source: x}\n", "site.yaml:2: asset a has no model; write `model: FILE`"),
+        ("assets: {a: {model: no.yaml}}\n", "no.yaml: cannot be read"),
+        ("assets: {a: {model: loop.yaml}}\naccept: 2\n", "site.yaml:2: `2`: expected a number from 0.5 to 1"),
+        ("assets: {a: {model: loop.yaml}}\nlisten: {port: x}\n", "site.yaml:2: `x`: expected a number from 0 to 65535"),
+        ("assets: {a: {model: loop.yaml}}\nusers: {b: {role: boss}}\n", "user b needs a role, one of view, operate"),
+        ("assets: {a: {model: loop.yaml}}\nusers: b\n", "site.yaml:2: users; write"),
+        ("assets: [a]\n", "site.yaml:1: no assets"),
+    ],
+)
+def test_a_mistake_is_told_by_its_line(tmp_path: Path, text: str, told: str) -> None:
+    """Expected and found, in a line."""
+    with pytest.raises(FaultbondError) as caught:
+        read_site(written(tmp_path, text))
+    assert told in str(caught.value)
+
+
+def test_a_command_line_names_assets_by_their_files() -> None:
+    """By the folder where the file is called `model.yaml`; without one there is the tank."""
+    told = {"source": None, "store": None, "port": None, "accept": None}
+    assert [item.name for item in site_of([], **told).assets] == ["tank"]
+    assert [item.name for item in site_of([MODEL], **told).assets] == ["rlc"]
+    with pytest.raises(FaultbondError, match="there is an asset rlc already"):
+        site_of([MODEL, MODEL], **told)
+
+
+def test_a_network_without_time_is_refused() -> None:
+    """There is nothing to watch."""
+    with pytest.raises(FaultbondError, match="no samples to watch"):
+        site_of([Path("examples/thesis/fig_3_7.yaml")], source=None, store=None, port=None, accept=None)
