@@ -162,8 +162,8 @@ class Grid:
 
     @property
     def holds_back(self) -> bool:
-        """Whether there are rows that `clock` does not know."""
-        return bool(self._waiting or self._behind) or self._best is not None or self._means is not None
+        """Whether there are rows that `clock` does not know, but for those of the sample that is being averaged."""
+        return bool(self._waiting or self._behind) or self._best is not None
 
     @property
     def counts(self) -> Counts:
