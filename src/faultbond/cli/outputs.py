@@ -14,7 +14,13 @@ from faultbond.io.out import STANDARD_OUTPUT
 
 READ = {"model": "the model", "recording": "the recording", "recordings": "a recording", "data": "a recording"}
 READ |= {"inputs": "the recording of inputs", "models": "a model", "site": "the site file"}
-WRITTEN = {"state": "the state", "store": "the store", "output": "the output", "report": "the report", "json": "the file of records"}
+WRITTEN = {
+    "state": "the state",
+    "store": "the store",
+    "output": "the output",
+    "report": "the report",
+    "json": "the file of records",
+}
 
 
 def check_outputs(arguments: argparse.Namespace) -> None:

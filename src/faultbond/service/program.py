@@ -20,9 +20,11 @@ from faultbond.service.sources.base import Subscriber
 from faultbond.service.sources.opening import open_source
 from faultbond.service.store.sqlite import SqliteStore
 from faultbond.service.watching import Done
+from faultbond.service.web.security import Guard, LocalGuard, LoginGuard, Role
+from faultbond.service.web.shield import LOOPBACK
 
 EXTRA = 'The page needs more: install it by `pip install "faultbond[serve]"`.'
-GRACE = 5.0  # s that answers which are being given have at the end
+GRACE = 5  # s that answers which are being given have at the end
 
 
 def serve(site: Site, *, out: Out, check: bool = False) -> None:
@@ -99,13 +101,14 @@ async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
     store = SqliteStore(Path(site.store), tell=out.warn)
     try:
         service = Service(site, store, open_source, hear=lambda done: _record(out, done))
-        config = uvicorn.Config(
-            application(service), log_level="warning", access_log=False, timeout_graceful_shutdown=int(GRACE)
+        page = application(service, _guard(site), hosts={*LOOPBACK, site.host})
+        server = uvicorn.Server(
+            uvicorn.Config(page, log_level="warning", access_log=False, timeout_graceful_shutdown=GRACE)
         )
-        server = uvicorn.Server(config)
         server.capture_signals = _no_signals  # ours go first
         with door, _signals() as stopped:
             at = f"[{site.host}]" if ":" in site.host else site.host
+            out.settle()
             out.say(f"{site.name}: http://{at}:{door.getsockname()[1]}/ - Ctrl-C stops it.")
             watching = asyncio.create_task(service.run())
             showing = asyncio.create_task(server.serve(sockets=[door]))
@@ -115,11 +118,18 @@ async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
             watching.cancel()
             with suppress(asyncio.CancelledError):
                 await watching
+            page.state.broadcast.close()
             server.should_exit = True
             await showing
         return stopped.number
     finally:
         store.close()
+
+
+def _guard(site: Site) -> Guard:
+    """Give who may do what."""
+    people = {user.name: (user.password, Role[user.role.upper()]) for user in site.users.values()}
+    return LoginGuard(users=people) if people else LocalGuard()
 
 
 def _bound(site: Site) -> socket.socket:

@@ -11,6 +11,7 @@ from faultbond.contract.findings import Candidate, History
 from faultbond.contract.samples import Status
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.numbers import Notation, unit_text
+from faultbond.report.suspects import SuspectRow
 from faultbond.report.verdict import best_group, fault_probabilities, set_name, view_of
 from faultbond.service.asset import Asset
 from faultbond.service.face import Shown
@@ -147,7 +148,7 @@ def _rows(graph: BondGraph, rows: Iterable[Any], candidates: Iterable[Candidate]
     """Give the rows of the table, each with the names by which a person decides about it."""
     return [
         {
-            "suspects": [asdict(suspect) for suspect in row.suspects],
+            "suspects": [_suspect(suspect) for suspect in row.suspects],
             "kinds": list(row.kinds),
             "probability": row.probability,
             "percent": row.percent,
@@ -157,6 +158,18 @@ def _rows(graph: BondGraph, rows: Iterable[Any], candidates: Iterable[Candidate]
         }
         for row, candidate in zip(rows, candidates, strict=False)
     ]
+
+
+def _suspect(row: SuspectRow) -> Shown:
+    """Give a suspect with its unit behind each value; a line without a component belongs to the one above."""
+    unit = f" {row.unit}" if row.unit else ""
+    return {
+        "name": row.parameter,
+        "component": row.component.removeprefix("+ "),
+        "nominal": row.nominal and f"{row.nominal}{unit}",
+        "estimate": f"{row.estimate}{unit}",
+        "change": row.change,
+    }
 
 
 def _ranking(graph: BondGraph, history: History) -> Shown:

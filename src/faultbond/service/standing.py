@@ -96,7 +96,7 @@ def _status_of(diagnosis: Diagnosis) -> Ne107:
 def sentence_of(graph: BondGraph, diagnosis: Diagnosis) -> str:
     """Say in a line what a diagnosis comes to."""
     group = best_group(diagnosis)
-    named = [f"{set_name(graph, item)} ({probability_text(item.probability)})" for item in group[:NAMED]]
+    named = [f"{set_name(graph, item)} ({probability_text(item.probability)} %)" for item in group[:NAMED]]
     more = f" or one of {len(group) - NAMED} more" if len(group) > NAMED else ""
     told = f"{' or '.join(named)}{more}"
     if diagnosis.unexplained is not None:
