@@ -20,7 +20,7 @@ FORMS = "sim:, file:PATH or -"
 SETTING = re.compile(r"[a-z_]+=")
 LATEST_FAULT = 1e9  # s after the begin; what is later was meant as a date
 
-AddressSettings = Mapping[str, Sequence[str]]
+Details = Mapping[str, Sequence[str]]
 
 
 def open_source(address: str, subscribers: Sequence[Subscriber], options: SourceOptions | None = None) -> Source:
@@ -65,7 +65,7 @@ def shown_address(address: str) -> str:
     return re.sub(r"(?<=://)([^/@:]*):[^/]*@", r"\1:***@", address)
 
 
-def split_address(address: str) -> tuple[str, AddressSettings]:
+def split_address(address: str) -> tuple[str, Details]:
     """Give an address without its settings, and these by name."""
     place, mark, rest = address.rpartition("?")
     if not mark or (rest and not SETTING.match(rest)):  # a `?` of the path
@@ -80,7 +80,7 @@ def split_address(address: str) -> tuple[str, AddressSettings]:
 class _Asked:
     """The settings of an address, each to be read once; what is left is a mistake."""
 
-    def __init__(self, place: str, settings: AddressSettings, known: Sequence[str]) -> None:
+    def __init__(self, place: str, settings: Details, known: Sequence[str]) -> None:
         self._where, self._settings = f"source {shown_address(place)}", settings
         for name, values in settings.items():
             if name not in known:
@@ -130,9 +130,7 @@ class _Asked:
         return text == "1" if text else default
 
 
-def _simulated(
-    place: str, settings: AddressSettings, subscribers: Sequence[Subscriber], options: SourceOptions
-) -> Source:
+def _simulated(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> Source:
     asked = _Asked(place, settings, ("speed", "seed", "fault", "noise", "inputs"))
     if place.lower() != "sim:":
         raise asked.mistake("nothing stands between sim: and the settings, such as sim:?speed=10.")
@@ -173,7 +171,7 @@ def _faults(asked: _Asked, subscribers: Sequence[Subscriber]) -> tuple[FaultRequ
     return tuple(found)
 
 
-def _file(place: str, settings: AddressSettings, subscribers: Sequence[Subscriber], options: SourceOptions) -> Source:
+def _file(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> Source:
     asked = _Asked(place, settings, ("speed",))
     path = Path(re.sub(r"^file:(//(?=/))?", "", place, flags=re.IGNORECASE)).expanduser()
     if path == Path():
@@ -187,5 +185,5 @@ def _file(place: str, settings: AddressSettings, subscribers: Sequence[Subscribe
     return GrowingFile(path, subscribers)
 
 
-Opened = Callable[[str, AddressSettings, Sequence[Subscriber], SourceOptions], Source]
+Opened = Callable[[str, Details, Sequence[Subscriber], SourceOptions], Source]
 OPENED: Mapping[str, Opened] = {"sim": _simulated, "file": _file}
