@@ -42,6 +42,7 @@ LATE_IMPORTS = (
     ("app", "rich"),
     ("app", "threadpoolctl"),
     ("service", "faultbond.app.self_test"),  # loads casadi and scipy
+    ("service", "faultbond.service.sources.mqtt"),  # needs aiomqtt
     ("service", "faultbond.simulate"),  # loads casadi and scipy
     ("service", "faultbond.synthesis"),  # loads casadi
     ("api", "faultbond.api.plot"),  # needs matplotlib

@@ -2,21 +2,26 @@
 
 import difflib
 import math
+import os
 import re
+import ssl
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from urllib.parse import unquote
+from urllib.parse import unquote, urlsplit
 
 from faultbond.errors import FaultbondError, ModelError
 from faultbond.io.faults import FaultRequest, parse_fault
 from faultbond.io.times import finite_number
 from faultbond.service.sources.base import Source, Subscriber
 from faultbond.service.sources.growing_file import GrowingFile, Replay
+from faultbond.service.sources.intake import held_columns
 from faultbond.service.sources.options import SourceOptions
 from faultbond.service.sources.simulated import SimulatedPlant, SimulationWishes
 from faultbond.service.sources.standard_input import StandardInput
 
-FORMS = "sim:, file:PATH or -"
+FORMS = "sim:, file:PATH, -, mqtt://HOST/TOPIC or mqtts://HOST/TOPIC"
+SECRET = "FAULTBOND_SOURCE_PASSWORD"  # noqa: S105 - the name of the variable that holds it
 SETTING = re.compile(r"[a-z_]+=")
 LATEST_FAULT = 1e9  # s after the begin; what is later was meant as a date
 
@@ -28,7 +33,7 @@ def open_source(address: str, subscribers: Sequence[Subscriber], options: Source
 
     Parameters
     ----------
-    address : `sim:`, `file:PATH` or `-`, with settings behind a `?`; docs/service.md
+    address : `sim:`, `file:PATH`, `-`, `mqtt://HOST/TOPIC` or `mqtts://HOST/TOPIC`, with settings behind a `?`
     subscribers : the assets that it feeds
     options : what the site says beside the address
 
@@ -185,5 +190,85 @@ def _file(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
     return GrowingFile(path, subscribers)
 
 
+def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> Source:
+    asked = _Asked(place, settings, ("client", "qos", "patience", "together"))
+    scheme, _, rest = place.partition("://")
+    authority, _, topic = rest.partition("/")
+    host, port, user, password = _log_in(asked, authority, options)
+    filters = {item.asset: options.topics.get(item.asset, topic.replace("{asset}", item.asset)) for item in subscribers}
+    for asset, wanted in filters.items():
+        if not wanted or not _is_filter(wanted):
+            raise asked.mistake(f"{wanted!r} is no topic for {asset}. Write it behind the host, as in HOST/plant/+.")
+    qos = asked.whole("qos", 1)
+    if qos not in (0, 1, 2):
+        raise asked.mistake(f"qos={qos}: expected 0, 1 or 2.")
+    options = _policy(asked, options, subscribers)
+    tls = _tls(asked, options) if scheme.lower() == "mqtts" else None
+    try:
+        from faultbond.service.sources.mqtt import Broker, MqttSource  # noqa: PLC0415 - needs aiomqtt
+    except ImportError as error:
+        raise asked.mistake('MQTT needs aiomqtt. Install it with: pip install "faultbond[mqtt]"') from error
+    broker = Broker(
+        host=host,
+        port=port or (8883 if tls else 1883),
+        shown=shown_address(place),
+        user=user,
+        password=password,
+        client=asked.text("client") or None,
+        qos=qos,
+        tls=tls,
+    )
+    return MqttSource(broker, filters, subscribers, options)
+
+
+def _log_in(asked: _Asked, authority: str, options: SourceOptions) -> tuple[str, int | None, str | None, str | None]:
+    """Give host, port, user and password; the password of a file goes before that of the environment or the address."""
+    try:
+        parts = urlsplit(f"//{authority}")
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise asked.mistake(f"its host or port cannot be read ({error}).") from error
+    if not host:
+        raise asked.mistake("name the host.")
+    password = os.environ.get(SECRET) or (unquote(parts.password) if parts.password else None)
+    if options.password_file:
+        try:
+            password = Path(options.password_file).read_text(encoding="utf-8").strip()
+        except (OSError, UnicodeDecodeError) as error:
+            raise asked.mistake(f"the password file {options.password_file} cannot be read ({error}).") from error
+    user = options.user or (unquote(parts.username) if parts.username else None)
+    if password and not user:
+        password = None  # of another source
+    return host, port, user, password
+
+
+def _policy(asked: _Asked, options: SourceOptions, subscribers: Sequence[Subscriber]) -> SourceOptions:
+    """Give how values become rows, as the address says and, beside it, the site."""
+    for item in subscribers:
+        held_columns(item, options)
+    patience, together = (asked.positive(name, math.nan) for name in ("patience", "together"))
+    if not math.isnan(patience):
+        options = replace(options, patience=patience)
+    return options if math.isnan(together) else replace(options, together=together)
+
+
+def _is_filter(topic: str) -> bool:
+    """Whether a text is a filter of MQTT: `+` and `#` stand for whole levels, `#` for the last ones."""
+    levels = topic.split("/")
+    whole = all(level in ("+", "#") or not set(level) & set("+#") for level in levels)
+    return whole and "#" not in levels[:-1] and "\0" not in topic
+
+
+def _tls(asked: _Asked, options: SourceOptions) -> ssl.SSLContext:
+    """Give what a broker is known by, and what it knows us by."""
+    try:
+        context = ssl.create_default_context(cafile=options.authority or None)
+        if options.certificate:
+            context.load_cert_chain(options.certificate, options.key or None)
+    except (OSError, ssl.SSLError) as error:
+        raise asked.mistake(f"authority, certificate or key cannot be used ({error}).") from error
+    return context
+
+
 Opened = Callable[[str, Details, Sequence[Subscriber], SourceOptions], Source]
-OPENED: Mapping[str, Opened] = {"sim": _simulated, "file": _file}
+OPENED: Mapping[str, Opened] = {"sim": _simulated, "file": _file, "mqtt": _mqtt, "mqtts": _mqtt}
