@@ -41,6 +41,10 @@ LATE_IMPORTS = (
     ("app", "faultbond.report"),  # loads rich and jinja2
     ("app", "rich"),
     ("app", "threadpoolctl"),
+    ("service", "faultbond.app.self_test"),  # loads casadi and scipy
+    ("service", "faultbond.service.sources.mqtt"),  # needs aiomqtt
+    ("service", "faultbond.simulate"),  # loads casadi and scipy
+    ("service", "faultbond.synthesis"),  # loads casadi
     ("api", "faultbond.api.plot"),  # needs matplotlib
     ("api", "matplotlib"),
     ("api", "pandas"),
@@ -260,6 +264,7 @@ FACES = {  # name -> folders, one module of each
 }
 ENDINGS = ("s", "es", "d", "ed", "r", "er", "y", "ing")
 NOUNS = {  # modules with the ending of a gerund that are things
+    "opening": "the way in to a source, as of a letter box",
     "matching": "pairs of equations and unknowns, a term of graph theory",
     "recording": "a file of what was measured",
     "drawing": "a picture",

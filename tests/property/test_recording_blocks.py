@@ -9,9 +9,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from faultbond.errors import RecordingError
-from faultbond.io import recording as module
+from faultbond.io import csv_text as module
 from faultbond.io.grid import Row
-from faultbond.io.recording import Column, Columns, read_blocks, read_rows
+from faultbond.io.recording import Column, Columns, RowFeed, read_blocks, read_rows
 from faultbond.model.graph import TimeColumn, Unit
 
 CELSIUS = Unit("degC", 1.0, 273.15)
@@ -107,3 +107,54 @@ def test_plain_numbers_come_in_large_blocks(tmp_path: Path) -> None:
     assert len(rows) == 500
     assert "502: a line of more than" in error
     assert (rows, error) == all_rows(path, COLUMNS)
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    text=texts(),
+    cuts=st.lists(st.integers(0, 3000), max_size=20),
+    columns=st.sampled_from([COLUMNS, UNTIMED]),
+    mark=st.sampled_from([b"", b"\xef\xbb\xbf"]),
+)
+def test_pieces_have_the_rows_of_a_recording(
+    text: str, cuts: list[int], columns: Columns, mark: bytes, tmp_path: Path
+) -> None:
+    """Bytes that come in pieces, cut anywhere, give the rows of the whole file up to its first mistake."""
+    path, data = tmp_path / "recording.csv", mark + text.encode()
+    path.write_bytes(data)
+    rows, error = all_rows(path, columns)
+    feed, found = RowFeed(columns, str(path)), list[Any]()
+    ends = [*sorted(min(cut, len(data)) for cut in cuts), len(data)]
+    for begin, end in zip([0, *ends], ends, strict=False):
+        for block in feed.push(data[begin:end], final=end == len(data) and begin < end):
+            found += [row_of(block.row(k)) for k in range(len(block))]
+    assert found[: len(rows)] == rows
+    assert error == "" or "no row" in error or feed.refused > 0
+    assert error != "" or (feed.refused == 0 and len(found) == len(rows))
+
+
+def test_a_line_waits_until_it_is_whole() -> None:
+    """Half a line, and a quotation that is not closed, wait and are counted; what is too long is refused, no more."""
+    feed = RowFeed(COLUMNS, "feed")
+    assert feed.push(b"\n\ntime,u,y,z,note\n1000,50,20,1,ok\n2000,5")[0].row(0).time == 1.0
+    assert feed.waiting == len(b"2000,5")
+    assert feed.push(b'0,20,1,ok\n3000,50,20,1,"one\n') == []
+    blocks = feed.push(b'two"\n')
+    assert [float(time) for block in blocks for time in block.time] == [2.0, 3.0]
+    assert feed.push(b"9" * 300_000) == []
+    assert feed.refused == 1
+    blocks = feed.push(b"9,9\n4000,50,20,1,ok\n5000,50,20,1,ok,surplus\n6000,1,2,3\n")
+    assert [float(time) for block in blocks for time in block.time] == [4.0, 6.0]
+    assert feed.refused == 2
+
+
+def test_a_feed_goes_on_where_another_stood() -> None:
+    """Rows without a time are numbered on, and lines counted on, from where the feed before stood."""
+    first, second = RowFeed(UNTIMED, "feed"), RowFeed(UNTIMED, "feed")
+    first.push(b"u,y,z\n1,2,3\n4,5,6\n")
+    assert not second.has_header
+    second.push(b"u,y,z\n")
+    assert second.has_header
+    second.go_on(first.stand)
+    (block,) = second.push(b"7,8,9\n")
+    assert (block.time[0], block.line[0]) == (7.0 + 2 * 0.25, 4)

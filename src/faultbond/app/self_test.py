@@ -64,7 +64,7 @@ def self_test(graph: BondGraph, model: StepModel, core: Core) -> SelfTest:
         Where the plant has no usual run.
     """
     begin = core.spec.thresholds.warm_up_samples + _START + HEALTHY
-    inputs, start = _usual_inputs(model, core.spec, begin + FAULTY)
+    inputs, start = usual_inputs(model, core.spec, begin + FAULTY)
     tried = [item for item in graph.parameters if item.suspect][:_MOST_TRIED]
     for item in tried:
         found = _tried(graph, core, inputs, start, _fault(item, graph, begin))
@@ -76,7 +76,7 @@ def self_test(graph: BondGraph, model: StepModel, core: Core) -> SelfTest:
     return healthy
 
 
-def _usual_inputs(model: StepModel, spec: EngineSpec, count: int) -> tuple[FloatArray, dict[str, float]]:
+def usual_inputs(model: StepModel, spec: EngineSpec, count: int) -> tuple[FloatArray, dict[str, float]]:
     """Give inputs of usual operation, (n, n_inputs), SI, and what the stores hold at its beginning."""
     run = next(usual_runs(model, spec, count), None)
     if run is None:
@@ -90,10 +90,15 @@ def _usual_inputs(model: StepModel, spec: EngineSpec, count: int) -> tuple[Float
 
 def _fault(item: Parameter, graph: BondGraph, begin: int) -> Fault:
     """Give a usual fault of a parameter within its range, from sample `begin` on."""
-    ends = [end for end in (item.nominal + item.change, item.nominal - item.change) if item.lower < end < item.upper]
+    return Fault(parameter=item.name, value=faulty_value(item), start=(graph.sample_time or 1.0) * begin)
+
+
+def faulty_value(item: Parameter, part: float = 1.0) -> float:
+    """Give a usual faulty value of a parameter within its range: off by a part of the change that is declared of it."""
+    change = part * item.change
+    ends = [end for end in (item.nominal + change, item.nominal - change) if item.lower < end < item.upper]
     middle = 0.5 * (item.lower + item.upper)
-    value = ends[0] if ends else middle if isfinite(middle) else item.nominal + item.change
-    return Fault(parameter=item.name, value=value, start=(graph.sample_time or 1.0) * begin)
+    return ends[0] if ends else middle if isfinite(middle) else item.nominal + change
 
 
 def _tried(

@@ -113,7 +113,7 @@ def simulated(
         problem = "nothing wanders in it; state how far and how long, such as `wander: 3 % over 6 h` of a parameter"
         raise ModelError(f"{means.file}: {problem}, or leave out --wander")
     graph = of_rows(means)
-    points, held = _inputs(graph, inputs)
+    points, held = driving_inputs(graph, inputs)
     begin = {**solved_start(means, inputs), **start}
     from faultbond.simulate import Effects, Inputs, fault_in_si  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.simulate import simulate as simulate_plant  # noqa: PLC0415
@@ -136,7 +136,7 @@ def simulated(
     return Simulated(graph=graph, simulation=simulation, seed=seed, held=held, start=begin)
 
 
-def _inputs(graph: BondGraph, recording: Recording) -> tuple[list[GridPoint], int]:
+def driving_inputs(graph: BondGraph, recording: Recording) -> tuple[list[GridPoint], int]:
     """Give the inputs of a recording on the grid, with absent values held, and at how many points one was absent."""
     points: list[GridPoint] = []
     held = 0

@@ -1,8 +1,8 @@
 """Data in and out: recordings and the grid of samples, kept runs, the output of the verbs, built-in examples.
 
 In: files, streams and what the command line says. Out: rows and grid points in SI; records, text and files, replaced
-as a whole. Read `row_block`, `recording`, `grid`, `frozen`; `out`, `record_file`, `files`; then `saved`, `archive`,
-`typed`; `cache`, `prepared`.
+as a whole. Read `row_block`, `csv_text`, `recording`, `grid`, `frozen`; `out`, `record_file`, `files`; then `saved`,
+`archive`, `typed`; `cache`, `prepared`.
 """
 
 from typing import TYPE_CHECKING

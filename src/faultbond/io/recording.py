@@ -6,33 +6,26 @@ is nan in its row; a file that is no recording is one `RecordingError`. Source: 
 
 import csv
 import difflib
-import io
 import math
-import sys
-from codecs import getincrementaldecoder
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any, BinaryIO, TextIO
+from typing import Any
 
 import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.errors import RecordingError
+from faultbond.io.csv_text import MAX_LINE, Lines, Pieces, delimiter_of, opened_text, reading, records_in
 from faultbond.io.files import STANDARD_INPUT, replaced_text
 from faultbond.io.memory_table import MemoryTable, Recording
 from faultbond.io.row_block import Row, RowBlock, block_of_rows
 from faultbond.io.times import WITH_COMMA, finite_number, moment_of
 from faultbond.model.graph import BondGraph, Input, Sensor, TimeColumn, Unit
 
-MAX_LINE = 200_000  # characters
 MAX_PLAIN = 100_000  # the same of a line that is not looked at more closely
 STRANGE = '"\0_'  # what a line with plain numbers has not: quotations, what is no text, and digits grouped as in Python
-READ_AHEAD = 2**17  # characters
-MAX_RECORD_LINES = 100  # a quoted text may hold line breaks
 SHOWN_COLUMNS = 20
 FORMULA = (*"=+-@", "\t", "\r")  # what a cell begins with that a spreadsheet runs
 ROUNDING = 1e-9  # of an end of a range: a value so close to it is at the end
@@ -322,34 +315,132 @@ def _table_blocks(table: MemoryTable, columns: Columns) -> Iterator[RowBlock]:
 
 def _csv_blocks(source: str | Path, columns: Columns, title: str) -> Iterator[RowBlock]:
     """Turn CSV text into rows, many lines at a time where each of them is a plain record."""
-    count = 0
-    with _reading(title), _text(source) as stream:
-        lines = _Lines(stream, title)
-        delimiter = _delimiter(lines, title)
-        layout = _Layout(columns, next(_records(lines, delimiter, title), (0, ()))[1], title)
+    with reading(title), opened_text(source) as stream:
+        body = _Body(Lines(stream, title), columns, title)
+        yield from body.blocks()
+        if body.count == 0:
+            raise RecordingError(_no_row(title))
+
+
+class _Body:
+    """The records below the header of a CSV text. count: how many were passed."""
+
+    def __init__(self, lines: Lines, columns: Columns, title: str) -> None:
+        self.lines, self.count, self._title = lines, 0, title
+        self._delimiter = delimiter_of(lines, title)
+        self._layout = _Layout(columns, next(records_in(lines, self._delimiter, title), (0, ()))[1], title)
+
+    def blocks(self) -> Iterator[RowBlock]:
+        """Give the rows up to the end of the text; those before an error come before it."""
+        lines, layout = self.lines, self._layout
         while ahead := lines.ahead():
-            plain = _are_plain(ahead, delimiter, len(layout.header))
-            block = layout.block(count + 1, lines.number + 1, ahead, delimiter) if plain else None
+            plain = _are_plain(ahead, self._delimiter, len(layout.header))
+            block = layout.block(self.count + 1, lines.number + 1, ahead, self._delimiter) if plain else None
             if block is not None:
                 lines.skip()
-                count += len(block)
+                self.count += len(block)
                 yield block
                 continue
             rows: list[Row] = []
             try:
-                for line, values in _records(lines, delimiter, title):
-                    rows.append(layout.row(count + len(rows) + 1, line, values))
+                for line, values in records_in(lines, self._delimiter, self._title):
+                    rows.append(layout.row(self.count + len(rows) + 1, line, values))
                     if lines.is_at_end:
                         break
             except (RecordingError, OSError):
+                self.count += len(rows)
                 if rows:
                     yield block_of_rows(rows)
                 raise
             if rows:
-                count += len(rows)
+                self.count += len(rows)
                 yield block_of_rows(rows)
-        if count == 0:
-            raise RecordingError(_no_row(title))
+
+
+class RowFeed:
+    """Rows of CSV text whose bytes come in pieces, read by the rules of `read_blocks`; where that ends, this goes on.
+
+    A line waits until it is whole, and a quoted text until its quotation mark is closed.
+
+    refused: how many records were no rows, as with decimal commas or too many fields; they are passed over.
+    """
+
+    def __init__(self, columns: Columns, title: str) -> None:
+        self._columns, self._title = columns, title
+        self._pieces = Pieces()
+        self._lines = Lines(self._pieces, title)
+        self._body: _Body | None = None
+        self._held, self._beyond, self._begun = b"", False, False
+        self.refused = 0
+
+    @property
+    def waiting(self) -> int:
+        """How many bytes wait for more."""
+        return len(self._held)
+
+    @property
+    def has_header(self) -> bool:
+        """Whether the line that names the columns has come."""
+        return self._body is not None
+
+    @property
+    def stand(self) -> tuple[int, int]:
+        """How many records and lines have come, by which another feed goes on."""
+        return (self._body.count if self._body is not None else 0), self._lines.number
+
+    def go_on(self, stand: tuple[int, int]) -> None:
+        """Count on from where another feed stood, once the header has come."""
+        if self._body is not None:
+            self._body.count, self._lines.number = stand
+
+    def push(self, data: bytes, *, final: bool = False) -> list[RowBlock]:
+        """Take bytes and give the rows that are whole with them; `final`: no more will come.
+
+        Raises
+        ------
+        RecordingError
+            Where the header is none, or lacks a column.
+        """
+        self._held += data
+        whole = self._whole(final=final)
+        if not whole:
+            return []
+        text = whole.decode("utf-8" if self._begun else "utf-8-sig", "replace")
+        self._begun = True
+        self._pieces.text += text
+        if self._body is None:
+            if not text.strip():  # empty lines before the header
+                return []
+            self._body = _Body(self._lines, self._columns, self._title)
+        found: list[RowBlock] = []
+        while not self._is_done(self._body, found):
+            self.refused += 1
+            self._body.count += 1
+        return found
+
+    def _whole(self, *, final: bool) -> bytes:
+        """Take from what is held the lines that are whole."""
+        if self._beyond:  # the rest of a line that was too long
+            _, end, self._held = self._held.partition(b"\n")
+            self._beyond = not end
+        cut = len(self._held) if final else self._held.rfind(b"\n") + 1
+        if not final and len(self._held) - cut >= MAX_LINE:
+            self.refused += 1
+            self._beyond, self._held = True, self._held[:cut]
+        whole = self._held[:cut]
+        if not final and whole.count(b'"') % 2 and len(whole) < MAX_LINE:
+            return b""
+        self._held = self._held[cut:]
+        return whole
+
+    @staticmethod
+    def _is_done(body: _Body, found: list[RowBlock]) -> bool:
+        """Read on, adding to what was found; False where a record was refused."""
+        try:
+            found.extend(body.blocks())
+        except RecordingError:
+            return False
+        return True
 
 
 def _are_plain(lines: Sequence[str], delimiter: str, n_fields: int) -> bool:
@@ -396,138 +487,11 @@ def _no_column(column: Column, header: list[str], title: str) -> str:
     return f"{title}: no column {column.header!r} ({column.role}); found: {found}{more}. {advice}"
 
 
-@contextmanager
-def _reading(title: str) -> Iterator[None]:
-    """Turn what can go wrong with a file into one message."""
-    try:
-        yield
-    except OSError as error:
-        raise RecordingError(f"{title}: cannot be read: {error.strerror or error}.") from error
-
-
-@contextmanager
-def _text(source: str | Path) -> Iterator["TextIO | _Arriving"]:
-    """Open a text file, or standard input without closing it at the end."""
-    if str(source) != STANDARD_INPUT:
-        with Path(source).open(encoding="utf-8-sig", errors="replace", newline="") as stream:
-            yield stream
-        return
-    if sys.stdin is None:  # the program was started without one
-        raise RecordingError("standard input: cannot be read: it is closed. Give it rows, or name a file.")
-    yield _Arriving(sys.stdin.buffer)
-
-
-class _Arriving:
-    """Text that arrives at its own pace: whole lines as soon as they are there."""
-
-    def __init__(self, stream: BinaryIO) -> None:
-        self._stream = stream
-        self._decoder = getincrementaldecoder("utf-8-sig")("replace")
-        self._text = ""
-
-    def read(self, most: int) -> str:
-        """Give all whole lines that are there, one at least; at the end what is left, then nothing."""
-        while (end := self._text.rfind("\n") + 1) == 0 and len(self._text) < most and self._more():
-            pass
-        end = end or len(self._text)
-        text, self._text = self._text[:end], self._text[end:]
-        return text
-
-    def _more(self) -> bool:
-        """Wait for more; tell whether any came."""
-        found = self._stream.read1(READ_AHEAD) if hasattr(self._stream, "read1") else self._stream.readline()
-        self._text += self._decoder.decode(found, final=not found)
-        return bool(found)
-
-
-class _Lines:
-    """The lines of a stream as they come, none of them beyond all measure.
-
-    number : how many were given
-    """
-
-    def __init__(self, stream: TextIO | _Arriving, title: str) -> None:
-        self._stream, self._title = stream, title
-        self.number = 0
-        self._ahead: deque[str] = deque()
-        self._begun = ""  # a line that is not whole yet
-
-    def __iter__(self) -> "_Lines":
-        return self
-
-    def __next__(self) -> str:
-        if not self.ahead():
-            raise StopIteration
-        line = self._ahead.popleft()
-        self.number += 1
-        where = f"{self._title}:{self.number}"
-        if len(line) >= MAX_LINE:
-            raise RecordingError(f"{where}: a line of more than {MAX_LINE:,} characters is no row of a recording.")
-        if "\0" in line:
-            raise RecordingError(f"{where}: this is not text. Recordings are CSV or Parquet files.")
-        return line
-
-    def put_back(self, lines: Sequence[str]) -> None:
-        """Take back the lines that were given last."""
-        self._ahead.extendleft(reversed(lines))
-        self.number -= len(lines)
-
-    def ahead(self) -> Sequence[str]:
-        """Give the lines that are read, but not given yet; if there are none, read some. Nothing is checked."""
-        while not self._ahead and (text := self._stream.read(READ_AHEAD)):
-            self._ahead.extend(io.StringIO(self._begun + text, newline=""))
-            has_end = self._ahead[-1].endswith("\n") or len(self._ahead[-1]) >= MAX_LINE
-            self._begun = "" if has_end else self._ahead.pop()
-        if not self._ahead and self._begun:
-            self._ahead.append(self._begun)
-            self._begun = ""
-        return self._ahead
-
-    def skip(self) -> None:
-        """Count the lines that are read as given."""
-        self.number += len(self._ahead)
-        self._ahead.clear()
-
-    @property
-    def is_at_end(self) -> bool:
-        """Whether all lines that are read were given."""
-        return not self._ahead
-
-
-def _delimiter(lines: _Lines, title: str) -> str:
-    """Give what separates the fields, by the first line that is not empty."""
-    head: list[str] = []
-    for line in lines:
-        head.append(line)
-        if line.strip("\r\n"):
-            break
-    first = head[-1] if head else ""
-    if first.count("\ufffd") > len(first) // 10:
-        raise RecordingError(f"{title}:{len(head)}: this is not text. Recordings are CSV or Parquet files.")
-    lines.put_back(head)
-    return max(",;\t", key=first.count)
-
-
-def _records(lines: _Lines, delimiter: str, title: str) -> Iterator[tuple[int, Sequence[str]]]:
-    """Give (line, fields) of each record; empty lines are passed over."""
-    reader = csv.reader(lines, delimiter=delimiter)
-    try:
-        before = lines.number
-        for fields in reader:
-            if lines.number - before > MAX_RECORD_LINES:
-                raise RecordingError(f"{title}:{before + 1}: a quotation mark is opened here and never closed.")
-            before = lines.number
-            if fields:
-                yield before, fields
-    except csv.Error as error:
-        raise RecordingError(f"{title}:{lines.number}: this is not a row of a CSV file ({error}).") from error
-
-
 def _csv_records(source: str | Path, title: str) -> Iterator[tuple[int, Sequence[object]]]:
     """Give (line, fields) of a CSV text, header first."""
-    with _reading(title), _text(source) as stream:
-        lines = _Lines(stream, title)
-        yield from _records(lines, _delimiter(lines, title), title)
+    with reading(title), opened_text(source) as stream:
+        lines = Lines(stream, title)
+        yield from records_in(lines, delimiter_of(lines, title), title)
 
 
 def _is_parquet(path: Path) -> bool:
@@ -536,7 +500,7 @@ def _is_parquet(path: Path) -> bool:
         return True
     if not path.is_file():  # what is read of a pipe is gone
         return False
-    with _reading(str(path)), path.open("rb") as stream:
+    with reading(str(path)), path.open("rb") as stream:
         return stream.read(4) == b"PAR1"
 
 
@@ -549,7 +513,7 @@ def _parquet_records(path: Path, columns: Columns) -> Iterator[tuple[int, Sequen
         raise RecordingError(
             f"{path}: reading Parquet needs pyarrow. Install it with: pip install 'faultbond[parquet]'"
         ) from error
-    with _reading(str(path)):
+    with reading(str(path)):
         try:
             file = pyarrow.parquet.ParquetFile(path)
             found = file.schema_arrow.names

@@ -1,0 +1,142 @@
+"""The way of single values from the network to the queue: their quality, their row, their units."""
+
+import asyncio
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from faultbond.errors import FaultbondError, RecordingError
+from faultbond.io.recording import row_reader
+from faultbond.io.times import finite_number
+from faultbond.model.graph import TimeColumn
+from faultbond.service.sources.assembly import Assembly, RawRow
+from faultbond.service.sources.base import Subscriber
+from faultbond.service.sources.options import SourceOptions
+from faultbond.service.sources.queue import ArrivalQueue
+
+SETTLE = 0.02  # s within which values are taken to come together
+SAMPLES, LEAST, MOST = 2.0, 0.2, 5.0  # patience where none is declared: so many samples, within these s
+TOGETHER = 0.5  # of a sample: the grid takes the row that is no farther off
+TIME = "\0time"  # the name of no column
+UNREADABLE, UNKNOWN = "unreadable", "unknown"  # what is no number, or no message; what no column is named after
+
+
+class Quality(Enum):
+    """How good a value is; the value is the name under which it is counted."""
+
+    GOOD = "good"
+    UNCERTAIN = "uncertain"
+    BAD = "bad"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """A value as it came. time: of its source, s; None where the source gave none."""
+
+    column: str
+    value: object
+    time: float | None = None
+    quality: Quality = Quality.GOOD
+
+
+class Intake:
+    """Takes the values of one asset and lets its rows wait in a queue. It lives in a running loop.
+
+    Parameters
+    ----------
+    subscriber : whose values
+    options : the policy
+    queue : where its rows wait
+    """
+
+    def __init__(self, subscriber: Subscriber, options: SourceOptions, queue: ArrivalQueue) -> None:
+        columns, graph = subscriber.columns, subscriber.graph
+        names = dict.fromkeys(item.header for item in (*columns.inputs, *columns.outputs))
+        self.columns = {name: k for k, name in enumerate(names)}
+        self.asset, self._queue, self.time_unit = subscriber.asset, queue, columns.time.unit
+        self.held = frozenset(held_columns(subscriber, options))
+        step = graph.row_time or graph.sample_time
+        usual = min(max(SAMPLES * (step or 0.0), LEAST), MOST)
+        self._assembly = Assembly(
+            len(self.columns),
+            hold=sorted(self.columns[name] for name in self.held),
+            patience=usual if options.patience is None else options.patience,
+            together=TOGETHER * (step or 0.0) if options.together is None else options.together,
+        )
+        own = replace(columns, time=TimeColumn(column=TIME))
+        self._row = row_reader(own, [TIME, *self.columns], subscriber.asset)
+        self._timer: asyncio.TimerHandle | None = None
+        self._wakes = math.inf
+
+    def take(self, readings: Sequence[Reading]) -> None:
+        """Take values that came just now; they may be of rows that are complete a moment later."""
+        now = asyncio.get_running_loop().time()
+        for item in readings:
+            number = finite_number(item.value)
+            if item.quality is not Quality.GOOD:
+                self.count(item.quality.value)
+            elif isinstance(item.value, str) and math.isnan(number):
+                self.count(UNREADABLE)
+            value = math.nan if item.quality is Quality.BAD else number
+            moment = time.time() if item.time is None else item.time
+            self._assembly.add(self.columns[item.column], value, moment, now)
+        if readings:
+            self._wake(now + SETTLE)
+
+    def count(self, name: str) -> None:
+        """Count what is in no row, or in one as missing."""
+        self._queue.count(self.asset, name)
+
+    def close(self) -> None:
+        """Let all rows go, complete or not."""
+        if self._timer is not None:
+            self._timer.cancel()
+        self._pass_on(self._assembly.finish())
+
+    def _wake(self, moment: float) -> None:
+        """Look at what waits at a moment, if not before."""
+        if moment >= self._wakes:
+            return
+        if self._timer is not None:
+            self._timer.cancel()
+        self._wakes = moment
+        self._timer = asyncio.get_running_loop().call_at(moment, self._settle)
+
+    def _settle(self) -> None:
+        """Pass on the rows that go out now."""
+        now = asyncio.get_running_loop().time()
+        self._timer, self._wakes = None, math.inf
+        self._pass_on(self._assembly.ready(now))
+        due = self._assembly.due()
+        if due is not None:
+            self._wake(max(due, now + SETTLE))
+
+    def _pass_on(self, rows: Sequence[RawRow]) -> None:
+        for moment, values in rows:
+            try:
+                self._queue.put(self.asset, self._row(1, (moment, *values)))
+            except RecordingError:  # no number makes it
+                self.count(UNREADABLE)
+
+
+def held_columns(subscriber: Subscriber, options: SourceOptions) -> tuple[str, ...]:
+    """Give the columns whose last value holds: those that are declared, else of the inputs that the model holds.
+
+    Raises
+    ------
+    FaultbondError
+        Where a declared column is none of the asset.
+    """
+    columns = subscriber.columns
+    if options.hold is None or subscriber.asset not in options.hold:
+        held = {item.column for item in subscriber.graph.inputs if not item.linear}
+        return tuple(dict.fromkeys(item.header for item in columns.inputs if item.header in held))
+    known = [item.header for item in (*columns.inputs, *columns.outputs)]
+    for name in options.hold[subscriber.asset]:
+        if name not in known:
+            raise FaultbondError(
+                f"{subscriber.asset}: hold names {name!r}, which is no column. There are {', '.join(known)}."
+            )
+    return tuple(dict.fromkeys(options.hold[subscriber.asset]))
