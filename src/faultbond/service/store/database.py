@@ -13,13 +13,19 @@ APPLICATION = 0x46424E44  # "FBND", by which a file is known for a store
 FORMAT = 1
 WAIT = 10.0  # s for another program that holds the file, such as one that copies it
 LONGEST_LOG = 2**22  # bytes that the file of transactions keeps once they are in the store
+PORTION = 512  # pages that are moved in a transaction, which takes as much room beside the file
 TABLES = """
 CREATE TABLE assets (number INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, log INTEGER);
 CREATE TABLE logs (
-    number INTEGER PRIMARY KEY, asset INTEGER NOT NULL, model_sha256 TEXT NOT NULL, enrolment TEXT NOT NULL,
-    enrolled INTEGER NOT NULL, n_inputs INTEGER NOT NULL, n_outputs INTEGER NOT NULL,
+    number INTEGER PRIMARY KEY, asset INTEGER NOT NULL, model_sha256 TEXT NOT NULL,
+    n_inputs INTEGER NOT NULL, n_outputs INTEGER NOT NULL,
     rows INTEGER NOT NULL DEFAULT 0, points INTEGER NOT NULL DEFAULT 0, deeds INTEGER NOT NULL DEFAULT 0,
     cursor TEXT NOT NULL DEFAULT '""', arrived REAL NOT NULL DEFAULT 0, time REAL, UNIQUE (asset, model_sha256));
+CREATE TABLE enrolments (
+    log INTEGER PRIMARY KEY, asset INTEGER NOT NULL, came INTEGER NOT NULL, content TEXT NOT NULL);
+CREATE TABLE pieces (
+    number INTEGER PRIMARY KEY, log INTEGER NOT NULL, kind INTEGER NOT NULL, first INTEGER NOT NULL,
+    count INTEGER NOT NULL, arrived REAL NOT NULL, low REAL, high REAL, content BLOB NOT NULL);
 CREATE TABLE chunks (
     number INTEGER PRIMARY KEY, log INTEGER NOT NULL, kind INTEGER NOT NULL, first INTEGER NOT NULL,
     count INTEGER NOT NULL, dense INTEGER NOT NULL, arrived REAL NOT NULL, low REAL, high REAL, overview BLOB,
@@ -155,10 +161,13 @@ class Database:
         pages = self.number("PRAGMA page_count") - self.number("PRAGMA freelist_count")
         return int(pages * self.number("PRAGMA page_size"))
 
-    def shrink(self, spare: int) -> None:
-        """Give pages that hold nothing back to the disk, but for some that are to be written soon; a part at a time."""
-        while (free := self.number("PRAGMA freelist_count") - spare) > 0:
-            self.rows(f"PRAGMA incremental_vacuum({min(free, 1000)})")
+    def shrink(self, spare: int, at_most: int) -> None:
+        """Give pages without content back to the disk: all but a sixteenth and some, and only so many at once."""
+        free = self.number("PRAGMA freelist_count") - spare - self.number("PRAGMA page_count") // 16
+        for first in range(0, min(free, at_most), PORTION):
+            with self.told():  # not by `execute`, which ends after the first page
+                self._connection.executescript(f"PRAGMA incremental_vacuum({min(free - first, PORTION)})")
+            self.settle()
         self.settle()
 
     def settle(self) -> None:

@@ -38,13 +38,14 @@ from faultbond.service.store.tail import (
     Log,
     append,
     blocks_after,
+    chunk_title,
     chunks_between,
     find_tails,
     merge,
-    title,
 )
 
 PAGE = 500  # records or deeds that are read at once
+LEAST_EFFORT = 64  # of merging in a commit; see `tail.merge`
 _LOG = "SELECT number, asset, n_inputs, n_outputs, rows, points, deeds, cursor, arrived, time FROM logs"
 
 _NEVER = 2**62  # number that no row of a table has
@@ -148,7 +149,7 @@ class SqliteStore:
     def enrolments(self, asset: str | None = None) -> Iterator[Enrolment]:
         """Give what was enrolled, that which was enrolled last at the end."""
         wanted, values = ("", ()) if asset is None else (" WHERE asset=?", (self._asset(asset),))
-        for (text,) in self._database.rows(f"SELECT enrolment FROM logs{wanted} ORDER BY enrolled", *values):  # noqa: S608
+        for (text,) in self._database.rows(f"SELECT content FROM enrolments{wanted} ORDER BY came", *values):  # noqa: S608
             yield Enrolment(**json.loads(text))
 
     def records(
@@ -218,15 +219,19 @@ class SqliteStore:
             asset = self._asset(enrolment.asset)
             if asset is None:
                 asset = database.insert("assets", name=enrolment.asset)
-            last = database.number("SELECT max(enrolled) FROM logs") or 0
+            last = database.number("SELECT max(came) FROM enrolments") or 0
             statement = "SELECT number FROM logs WHERE asset=? AND model_sha256=?"
             number = database.number(statement, asset, enrolment.model_sha256)
-            values = {"enrolment": json.dumps(asdict(enrolment)), "enrolled": last + 1}
-            sizes = {"n_inputs": enrolment.n_inputs, "n_outputs": enrolment.n_outputs}
             if number is None:
-                found = {"asset": asset, "model_sha256": enrolment.model_sha256}
-                number = database.insert("logs", **found, **values, **sizes)
-            database.change("UPDATE logs SET enrolment=?, enrolled=? WHERE number=?", *values.values(), number)
+                sizes = {"n_inputs": enrolment.n_inputs, "n_outputs": enrolment.n_outputs}
+                number = database.insert("logs", asset=asset, model_sha256=enrolment.model_sha256, **sizes)
+            database.change(
+                "INSERT OR REPLACE INTO enrolments (log, asset, came, content) VALUES (?, ?, ?, ?)",
+                number,
+                asset,
+                last + 1,
+                json.dumps(asdict(enrolment)),
+            )
             database.change("UPDATE assets SET log=? WHERE number=?", number, asset)
             return self._log(enrolment.asset, enrolment.model_sha256)
 
@@ -243,7 +248,7 @@ class SqliteStore:
                 if part.checkpoint is not None:
                     write_checkpoint(self._database, log, part.checkpoint)
                 logs[part.asset] = log
-            self._merge(logs, 2 * (LARGE + n_rows))
+            self._merge(logs, 2 * (LEAST_EFFORT + 2 * len(parts) + n_rows // LARGE))
             for log in logs.values():
                 self._database.change(
                     "UPDATE logs SET rows=?, points=?, deeds=?, cursor=?, arrived=?, time=? WHERE number=?",
@@ -336,7 +341,7 @@ class SqliteStore:
             )
 
     def _merge(self, logs: dict[str, Log], at_most: int) -> None:
-        """Make large chunks of small ones, of about so many rows at most."""
+        """Make chunks of pieces and large ones of small ones, with about so much effort."""
         for name in [*logs]:
             for kind in KINDS:
                 if at_most > 0:
@@ -482,12 +487,12 @@ class SqliteStore:
     def _curves(self, log: Log, begin: float | None, end: float | None, most: int | None) -> Iterator[Curves]:
         """Give curves of a period in order; of a long one, overviews of the chunks that are in it as a whole."""
         chunks = chunks_between(self._database, log, CURVES, begin, end)
-        coarse = most is not None and sum(chunk[2] for chunk in chunks) * OVERVIEW >= most * LARGE
-        for number, first, count, dense, low, high in chunks:
+        coarse = most is not None and sum(chunk[3] for chunk in chunks) * OVERVIEW >= most * LARGE
+        for table, number, first, count, dense, low, high in chunks:
             inside = (begin is None or low >= begin) and (end is None or high <= end)
             part = "overview" if coarse and dense and inside else "content"
-            data = self._database.number(f"SELECT {part} FROM chunks WHERE number=?", number)  # noqa: S608
-            curves = CURVES.unpack(data, title(self._database, log.name, CURVES, first, count))
+            data = self._database.number(f"SELECT {part} FROM {table} WHERE number=?", number)  # noqa: S608
+            curves = CURVES.unpack(data, chunk_title(self._database, log.name, CURVES, first, count))
             yield curves if inside else curves_at(curves, _inside(curves.time, begin, end))
 
 

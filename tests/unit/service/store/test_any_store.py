@@ -33,6 +33,8 @@ def small_chunks(large: int = 6, overview: int = 4) -> Iterator[None]:
     with (
         patch.object(tail, "LARGE", large),
         patch.object(sqlite, "LARGE", large),
+        patch.object(tail, "MANY", 2),
+        patch.object(sqlite, "LEAST_EFFORT", 1),
         patch.object(tail, "OVERVIEW", overview),
         patch.object(sqlite, "OVERVIEW", overview),
         patch.object(tail, "_AT_ONCE", 2),

@@ -92,7 +92,7 @@ def test_a_full_disk(small_disk: Path) -> None:
     assert not store.has_reserve
     assert list(store.records()) == [told("pump", 1000 * k) for k in range(done)]
     assert store.retain(at_most=3_000_000) > 0
-    assert path.stat().st_size < 4_500_000
+    assert path.stat().st_size < 6_000_000
     assert store.has_reserve
     first = done
     with pytest.raises(StoreError, match="the disk is full"):
