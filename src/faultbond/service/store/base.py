@@ -65,13 +65,39 @@ class Store(Protocol):
     """
 
     def enrol(self, enrolment: Enrolment) -> Stand:
-        """Make an asset known and tell where its log stands; one of another model begins a new log, the old is kept."""
+        """Make an asset known and tell where its log stands.
+
+        One of another model has another log; the old one is kept, and goes on where its model comes back, so that a
+        grid point of an asset and a model is there once.
+        """
 
     def commit(self, parts: Sequence[Commit]) -> None:
         """Write what came of some arrivals and deeds, all or nothing; on the disk when this returns."""
 
     def log_after(self, asset: str, rows: int, deeds: int) -> Iterator[RowBlock | Deed]:
-        """Give rows and deeds of the log behind so many of each, in their order."""
+        """Give rows and deeds of the log behind so many of each, in their order.
+
+        Raises
+        ------
+        StoreError
+            Also where rows among them are forgotten: what is passed again must be whole.
+        """
+
+    def log_between(
+        self, asset: str, begin: float | None = None, end: float | None = None, model_sha256: str | None = None
+    ) -> Iterator[RowBlock | Deed]:
+        """Give what is kept of a log in a period of its rows' clock, in its order; a deed is at the last row before it.
+
+        model_sha256: of which model the log is; None: of that with which the asset was enrolled last.
+        """
+
+    def enrolments(self, asset: str | None = None) -> Iterator[Enrolment]:
+        """Give what was enrolled, that which was enrolled last at the end."""
+
+    def journal(
+        self, asset: str | None = None, *, begin: float | None = None, end: float | None = None
+    ) -> Iterator[Told | Deed]:
+        """Give records and deeds in the order in which they came, of a period as in `log_between`."""
 
     def records(
         self,

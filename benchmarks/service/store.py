@@ -1,0 +1,163 @@
+"""How fast and how small the store is, on this machine: python benchmarks/service/store.py [FOLDER].
+
+20 signals by commits of 100 rows, with curves and now and then a state; 100 assets at 1 Hz; the curves of a long
+period; what forgetting costs. The folder is where the store is written: the disk counts.
+"""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+
+import numpy as np
+
+from faultbond.io.row_block import RowBlock
+from faultbond.service.messages import Curves
+from faultbond.service.store.base import Commit, Enrolment
+from faultbond.service.store.sqlite import SqliteStore
+
+N_INPUTS, N_OUTPUTS = 5, 15
+
+
+def main() -> None:
+    """Measure and print."""
+    base = sys.argv[1] if len(sys.argv) > 1 else None
+    for measure in (one_asset, many_assets, long_period, forgetting):
+        with TemporaryDirectory(dir=base) as folder:
+            measure(Path(folder) / "plant.db")
+
+
+def enrolled(path: Path, names: list[str], n_inputs: int = N_INPUTS, n_outputs: int = N_OUTPUTS) -> SqliteStore:
+    """Give a new store that knows some assets."""
+    store = SqliteStore(path, reserve=0)
+    for name in names:
+        store.enrol(
+            Enrolment(asset=name, model_sha256="0" * 64, label="m", text="", n_inputs=n_inputs, n_outputs=n_outputs)
+        )
+    return store
+
+
+def signals(n: int, n_signals: int, seed: int = 0) -> np.ndarray:
+    """Give values as instruments show them: five digits, slow movement and noise."""
+    rng = np.random.default_rng(seed)
+    slow = np.sin(np.arange(n)[:, None] / 700 + np.arange(n_signals))
+    return np.round(100 + 10 * slow + 0.2 * rng.standard_normal((n, n_signals)), 3)
+
+
+def rows_of(values: np.ndarray, first: int, n_inputs: int = N_INPUTS) -> RowBlock:
+    """Give rows at 1 Hz."""
+    n = len(values)
+    return RowBlock(
+        time=1.7e9 + np.arange(first, first + n),
+        u=values[:, :n_inputs],
+        y=values[:, n_inputs:],
+        saturated=np.zeros(n, dtype=np.intp),
+        line=np.arange(first, first + n),
+    )
+
+
+def curves_of(rows: RowBlock) -> Curves:
+    """Give curves of rows; what is expected has every digit."""
+    expected = rows.y + np.sin(rows.y)
+    return Curves(
+        time=rows.time, inputs=rows.u, measured=rows.y, expected=expected, sd=0 * rows.y + 0.1, cusum=expected**2
+    )
+
+
+def timed(call: Callable[[], object]) -> float:
+    """Give how long a call takes, ms."""
+    begin = perf_counter()
+    call()
+    return 1e3 * (perf_counter() - begin)
+
+
+def told(what: str, times: list[float]) -> None:
+    """Print how long commits took."""
+    p50, p99, most = np.percentile(times, [50, 99, 100])
+    print(f"{what}: p50 {p50:.2f} ms, p99 {p99:.2f} ms, longest {most:.1f} ms")
+
+
+def size_of(store: SqliteStore, kind: int) -> float:
+    """Give bytes a row of large chunks."""
+    statement = "SELECT sum(length(content) + coalesce(length(overview), 0)) * 1.0 / sum(count) FROM chunks"
+    return float(store._database.number(f"{statement} WHERE kind=? AND dense=1", kind))
+
+
+def one_asset(path: Path) -> None:
+    """Measure one asset of 20 signals, 100 rows a commit."""
+    n, each = 200_000, 100
+    values = signals(n, N_INPUTS + N_OUTPUTS)
+    for with_curves in (False, True):
+        place = path.with_name(f"{with_curves}.db")
+        store, times = enrolled(place, ["a"]), list[float]()
+        state = np.random.default_rng(0).bytes(2**20)
+        for k, first in enumerate(range(0, n, each)):
+            rows = rows_of(values[first : first + each], first)
+            part = Commit(
+                asset="a",
+                rows=rows,
+                arrived=float(first),
+                curves=curves_of(rows) if with_curves else None,
+                checkpoint=state if with_curves and k % 60 == 0 else None,
+            )
+            times.append(timed(lambda store=store, part=part: store.commit([part])))
+        what = "rows, curves, and 1 MB of state each 60 commits" if with_curves else "rows alone"
+        told(f"20 signals, {each} rows a commit, {what}: {1e3 * n / sum(times):,.0f} rows/s", times)
+        if with_curves:
+            print(f"bytes a row after merging: rows {size_of(store, 0):.0f}, curves {size_of(store, 1):.0f}")
+        read = timed(lambda store=store: sum(1 for _ in store.log_after("a", 0, 0)))
+        print(f"log of {n} rows read in {read:.0f} ms; file {place.stat().st_size / n:.0f} bytes a row")
+        store.close()
+
+
+def many_assets(path: Path) -> None:
+    """Measure 100 assets of 4 signals at 1 Hz, a commit a second of all of them."""
+    names = [f"a{k}" for k in range(100)]
+    n = 1500
+    values = signals(n, 4)
+    store, times = enrolled(path, names, 2, 2), list[float]()
+    for k in range(n):
+        rows = rows_of(values[k : k + 1], k, 2)
+        curves = curves_of(rows)
+        parts = [Commit(asset=name, rows=rows, arrived=float(k), curves=curves) for name in names]
+        times.append(timed(lambda parts=parts: store.commit(parts)))
+    told(f"100 assets of 4 signals, one row each a commit: {1e3 * n * 100 / sum(times):,.0f} rows/s", times)
+    print(f"bytes a row after merging: rows {size_of(store, 0):.0f}, curves {size_of(store, 1):.0f}")
+    print(f"a day of one of them read back: {timed(lambda: list(store.log_after('a7', 0, 0))) * 86400 / n:.0f} ms")
+    store.close()
+
+
+def long_period(path: Path) -> None:
+    """Measure the curves of a million points of 10 signals."""
+    n = 1_000_000
+    values = signals(n, 10)
+    store = enrolled(path, ["a"], 2, 8)
+    for first in range(0, n, 5000):
+        rows = rows_of(values[first : first + 5000], first, 2)
+        store.commit([Commit(asset="a", rows=rows, curves=curves_of(rows))])
+    for words, span in (("all", n), ("a tenth", n // 10), ("a hundredth", n // 100), ("a thousandth", n // 1000)):
+        begin = 1.7e9 + n // 2 - span / 2
+        took = [timed(lambda b=begin, s=span: store.curves("a", b, b + s, 2000)) for _ in range(5)]
+        print(f"curves of {words} of a million points of 10 signals, 2000 points: {min(took):.0f} ms")
+    print(f"file: {path.stat().st_size / 1e6:.0f} MB")
+    store.close()
+
+
+def forgetting(path: Path) -> None:
+    """Measure how long it takes to forget half of a store."""
+    store = enrolled(path, ["a"])
+    values = signals(100_000, N_INPUTS + N_OUTPUTS)
+    for first in range(0, 400_000, 1000):
+        rows = rows_of(values[first % 100_000 : first % 100_000 + 1000], first)
+        store.commit([Commit(asset="a", rows=rows, arrived=float(first), curves=curves_of(rows))])
+    store.commit([Commit(asset="a", checkpoint=b"state")])
+    store._database.settle()
+    before = path.stat().st_size
+    took = timed(lambda: store.retain(at_most=before // 2))
+    print(f"forgetting half of {before / 1e6:.0f} MB: {took:.0f} ms, {path.stat().st_size / 1e6:.0f} MB are left")
+    store.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,63 @@
+"""Room on the disk that is kept, so that a store whose disk is full goes on for a while and can be made smaller.
+
+To forget rows needs room, too: a transaction is written beside the store before it is one with it. So the first half is
+for what comes, and the second for what goes; it has to hold the file of transactions, see `database.LONGEST_LOG`.
+"""
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+DEFAULT_SIZE = 2**25  # bytes
+
+
+class ReserveFile:
+    """A file beside a store that holds nothing but room.
+
+    Parameters
+    ----------
+    store : the file of the store
+    size : bytes; 0: none are kept
+    """
+
+    def __init__(self, store: Path, size: int = DEFAULT_SIZE) -> None:
+        self._path, self._size = store.with_name(f"{store.name}.reserve"), size
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all of it is there."""
+        try:
+            return self._path.stat().st_size >= self._size
+        except OSError:
+            return self._size == 0
+
+    def renew(self) -> bool:
+        """Take what is missing of it, if the disk has as much again to spare; tell whether it is whole."""
+        if self.is_whole:
+            return True
+        try:
+            free = os.statvfs(self._path.parent) if hasattr(os, "statvfs") else None
+            if free is not None and free.f_bavail * free.f_frsize < 2 * self._size:
+                return False
+            self._fill()
+        except OSError:
+            self.give_up(all_of_it=True)
+        return self.is_whole
+
+    def give_up(self, *, all_of_it: bool) -> bool:
+        """Give its room to the store, or the first half of it; tell whether there was any."""
+        left = 0 if all_of_it else self._size // 2
+        with suppress(OSError):
+            if self._path.stat().st_size > left:
+                os.truncate(self._path, left)
+                return True
+        return False
+
+    def _fill(self) -> None:
+        """Take the room at once: a file with holes in it would hold none."""
+        with self._path.open("wb") as stream:
+            if hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(stream.fileno(), 0, self._size)
+                return
+            for _ in range(0, self._size, 2**16):
+                stream.write(b"\xff" * 2**16)

@@ -1,0 +1,203 @@
+"""A slow and plainly right store in memory, which keeps every row, point, record and deed by itself."""
+
+import copy
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from math import inf, isnan, nan
+
+import numpy as np
+
+from faultbond.errors import StoreError
+from faultbond.io.row_block import Row, RowBlock, block_of_rows
+from faultbond.service.messages import Curves, Deed, Told
+from faultbond.service.store.base import Commit, Enrolment, Stand
+from faultbond.service.store.peaks import thinned
+
+KEPT = 3  # checkpoints of a log
+
+
+@dataclass
+class SlowLog:
+    """The log of an asset and a model. rows: each with the moment of its arrival; None where it is forgotten."""
+
+    enrolment: Enrolment
+    rows: list[tuple[float, Row] | None] = field(default_factory=list)
+    points: list[tuple[float, Curves] | None] = field(default_factory=list)
+    deeds: list[Deed] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)  # of deeds: that of the last row before with a time, else nan
+    checkpoints: list[Stand] = field(default_factory=list)
+    cursor: str = ""
+    arrived: float = 0.0
+
+
+class MemoryStore:
+    """See `faultbond.service.store.base.Store`; what is asked of each method stands there."""
+
+    def __init__(self) -> None:
+        self.logs: dict[tuple[str, str], SlowLog] = {}
+        self.newest: dict[str, str] = {}
+        self.order: list[tuple[str, str]] = []
+        self.came: list[tuple[Told | Deed, float]] = []
+        self.contested: list[tuple[str, object]] = []
+
+    def enrol(self, enrolment: Enrolment) -> Stand:
+        key = (enrolment.asset, enrolment.model_sha256)
+        log = self.logs.setdefault(key, SlowLog(enrolment))
+        log.enrolment = enrolment
+        self.newest[enrolment.asset] = enrolment.model_sha256
+        self.order = [item for item in self.order if item != key] + [key]
+        newest = log.checkpoints[-1] if log.checkpoints else Stand()
+        return replace(newest, rows=len(log.rows), cursor=log.cursor)
+
+    def commit(self, parts: Sequence[Commit]) -> None:
+        logs, came, contested = copy.deepcopy((self.logs, self.came, self.contested))
+        for part in parts:
+            if part.asset not in self.newest:
+                raise StoreError(f"there is no asset {part.asset}")
+            log = logs[part.asset, self.newest[part.asset]]
+            self._grow(log, part)
+            found: tuple[Told | Deed, ...] = (*part.records, *part.deeds)
+            if part.rows is None:
+                found = (*part.deeds, *part.records)
+            for item in found:
+                if isinstance(item, Told):
+                    self._tell(item, came, contested)
+                else:
+                    self._do(item, log, came)
+            if part.checkpoint is not None:
+                stand = Stand(
+                    checkpoint=part.checkpoint, checkpoint_rows=len(log.rows), checkpoint_deeds=len(log.deeds)
+                )
+                log.checkpoints = [*log.checkpoints, stand][-KEPT:]
+        self.logs, self.came, self.contested = logs, came, contested
+
+    def _grow(self, log: SlowLog, part: Commit) -> None:
+        widths = (log.enrolment.n_inputs, log.enrolment.n_outputs)
+        if part.rows is not None:
+            if (part.rows.u.shape[1], part.rows.y.shape[1]) != widths:
+                raise StoreError("rows of another model")
+            log.arrived = part.arrived
+            log.rows += [(log.arrived, part.rows.row(k)) for k in range(len(part.rows))]
+        if part.rows is not None or part.cursor:
+            log.cursor = part.cursor
+        if part.curves is not None:
+            if (part.curves.inputs.shape[1], part.curves.measured.shape[1]) != widths:
+                raise StoreError("curves of another model")
+            log.points += [(log.arrived, _point(part.curves, k)) for k in range(len(part.curves))]
+
+    def _tell(self, item: Told, came: list[tuple[Told | Deed, float]], contested: list[tuple[str, object]]) -> None:
+        before = [other for other, _ in came if isinstance(other, Told) and other.id == item.id]
+        content = json.loads(json.dumps(item.content))
+        if not before:
+            came.append((replace(item, content=content), item.time))
+        elif json.dumps(before[0].content) != json.dumps(content) and (item.id, content) not in contested:
+            contested.append((item.id, content))
+
+    def _do(self, item: Deed, log: SlowLog, came: list[tuple[Told | Deed, float]]) -> None:
+        if item.number or item.rows != len(log.rows):
+            raise StoreError("a deed is not in its place")
+        times = [row[1].time for row in log.rows if row is not None and not isnan(row[1].time)]
+        number = 1 + sum(isinstance(other, Deed) for other, _ in came)
+        log.times.append(times[-1] if times else nan)
+        log.deeds.append(replace(item, number=number))
+        came.append((log.deeds[-1], log.times[-1]))
+
+    def log_after(self, asset: str, rows: int, deeds: int) -> Iterator[RowBlock | Deed]:
+        log = self._log(asset)
+        if any(row is None for row in log.rows[rows:]):
+            raise StoreError("rows are forgotten")
+        return self._between(log, range(rows, len(log.rows)), log.deeds[deeds:])
+
+    def log_between(
+        self, asset: str, begin: float | None = None, end: float | None = None, model_sha256: str | None = None
+    ) -> Iterator[RowBlock | Deed]:
+        log = self._log(asset, model_sha256)
+        kept = [k for k, row in enumerate(log.rows) if row is not None and _inside(row[1].time, begin, end)]
+        deeds = [deed for deed, time in zip(log.deeds, log.times, strict=True) if _inside(time, begin, end)]
+        return self._between(log, kept, deeds)
+
+    def _between(self, log: SlowLog, kept: Sequence[int], deeds: Sequence[Deed]) -> Iterator[RowBlock | Deed]:
+        left = [*deeds]
+        for k in kept:
+            while left and left[0].rows <= k:
+                yield left.pop(0)
+            found = log.rows[k]
+            assert found is not None
+            yield block_of_rows([found[1]])
+        yield from left
+
+    def enrolments(self, asset: str | None = None) -> Iterator[Enrolment]:
+        return (self.logs[key].enrolment for key in self.order if asset in (None, key[0]))
+
+    def records(
+        self,
+        asset: str | None = None,
+        *,
+        kinds: Sequence[str] = (),
+        begin: float | None = None,
+        end: float | None = None,
+        newest: int | None = None,
+    ) -> Iterator[Told]:
+        found = [item for item in self.journal(asset, begin=begin, end=end) if isinstance(item, Told)]
+        found = [item for item in found if not kinds or item.kind in kinds]
+        return iter(found if newest is None else found[len(found) - min(newest, len(found)) :])
+
+    def deeds(self, asset: str | None = None, *, newest: int | None = None) -> Iterator[Deed]:
+        found = [item for item in self.journal(asset) if isinstance(item, Deed)]
+        return iter(found if newest is None else found[len(found) - min(newest, len(found)) :])
+
+    def journal(
+        self, asset: str | None = None, *, begin: float | None = None, end: float | None = None
+    ) -> Iterator[Told | Deed]:
+        return (item for item, time in self.came if asset in (None, item.asset) and _inside(time, begin, end))
+
+    def curves(
+        self, asset: str, begin: float | None = None, end: float | None = None, most: int | None = None
+    ) -> Curves | None:
+        if asset not in self.newest:
+            return None
+        points = [item[1] for item in self._log(asset).points if item is not None]
+        points = [point for point in points if _inside(float(point.time[0]), begin, end)]
+        if not points:
+            return None
+        names = ("time", "inputs", "measured", "expected", "sd", "cusum")
+        found = Curves(**{name: np.concatenate([getattr(point, name) for point in points]) for name in names})
+        return found if most is None else thinned(found, most)
+
+    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> int:
+        """Forget by age what may go; at_most: all that may go, unless it is larger than any store."""
+        limit = -inf if older_than is None else older_than
+        if at_most is not None and at_most < 2**40:
+            limit = inf
+        gone = 0
+        for log in self.logs.values():
+            needed = log.checkpoints[0].checkpoint_rows if log.checkpoints else 0
+            for k, row in enumerate(log.rows[:needed]):
+                if row is not None and row[0] < limit:
+                    log.rows[k], gone = None, gone + 1
+            log.points = [point if point is None or point[0] >= limit else None for point in log.points]
+        return gone
+
+    def close(self) -> None:
+        """Nothing is left open."""
+
+    def _log(self, asset: str, model_sha256: str | None = None) -> SlowLog:
+        key = (asset, model_sha256 or self.newest.get(asset, ""))
+        if key not in self.logs:
+            raise StoreError(f"there is no asset {asset}")
+        return self.logs[key]
+
+
+def _point(curves: Curves, k: int) -> Curves:
+    """One point of curves; values, not times, in the seven digits that are kept of what is only drawn."""
+    names = ("inputs", "measured", "expected", "sd", "cusum")
+    values = {name: getattr(curves, name)[k : k + 1].astype(np.float32).astype(np.float64) for name in names}
+    return Curves(time=curves.time[k : k + 1], **values)
+
+
+def _inside(time: float, begin: float | None, end: float | None) -> bool:
+    """Whether a moment is in a period; one that is none is in the period of all."""
+    if begin is None and end is None:
+        return True
+    return (begin is None or time >= begin) and (end is None or time <= end)
