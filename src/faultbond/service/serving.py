@@ -219,8 +219,9 @@ class Service:
         loop = asyncio.get_running_loop()
         while True:
             items = await self._gathered()
-            done = await loop.run_in_executor(worker, self._take, items)
-            await self._settle(worker, items)
+            done, error = await loop.run_in_executor(worker, self._take, items)
+            if error is not None:
+                await self._settle(worker, items, error)
             self._answer(items, done)
             for name, content in await loop.run_in_executor(worker, self._news, items, done):
                 self._hub.publish(name, content)
@@ -239,33 +240,41 @@ class Service:
             items.append(item)
         return items
 
-    def _take(self, items: Sequence[Arrivals | _Wish]) -> list[Done]:
+    def _take(self, items: Sequence[Arrivals | _Wish]) -> tuple[list[Done], StoreError | None]:
+        """Pass items on and write what came of them, so that nobody sees what is not written, unless that fails."""
         with self._lock:
             for item in items:
                 if isinstance(item, Arrivals):
                     seen = self._seen[item.asset]
                     seen.arrived = item.arrived
                     seen.counts.update(item.counts)
-            return self._watch.take([item.deed if isinstance(item, _Wish) else item for item in items])
-
-    async def _settle(self, worker: ThreadPoolExecutor, items: Sequence[Arrivals | _Wish]) -> None:
-        """Write what was taken; where that fails, say so to who waits, and try until it is written."""
-        while True:
+            done = self._watch.take([item.deed if isinstance(item, _Wish) else item for item in items])
             try:
-                await asyncio.get_running_loop().run_in_executor(worker, self._settled)
+                self._watch.settle()
             except StoreError as error:
-                self._store_trouble = str(error)
-                for item in items:
-                    if isinstance(item, _Wish) and not item.answer.done():
-                        item.answer.set_exception(StoreError(f"{error} It is tried again until it is written."))
-                await asyncio.sleep(RETRY)
-                continue
-            self._store_trouble = ""
-            return
+                return done, error
+            return done, None
 
-    def _settled(self) -> None:
+    async def _settle(
+        self, worker: ThreadPoolExecutor, items: Sequence[Arrivals | _Wish], error: StoreError | None
+    ) -> None:
+        """Say to who waits that it could not be written, and try until it is."""
+        for item in items:
+            if isinstance(item, _Wish) and not item.answer.done():
+                item.answer.set_exception(StoreError(f"{error} It is tried again until it is written."))
+        while error is not None:
+            self._store_trouble = str(error)
+            await asyncio.sleep(RETRY)
+            error = await asyncio.get_running_loop().run_in_executor(worker, self._settled)
+        self._store_trouble = ""
+
+    def _settled(self) -> StoreError | None:
         with self._lock:
-            self._watch.settle()
+            try:
+                self._watch.settle()
+            except StoreError as error:
+                return error
+            return None
 
     def _answer(self, items: Sequence[Arrivals | _Wish], done: Sequence[Done]) -> None:
         for item, what in zip(items, done, strict=True):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.findings import Candidate, History
+from faultbond.contract.findings import Candidate, Diagnosis, History
 from faultbond.contract.samples import Status
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.numbers import Notation, unit_text
@@ -66,7 +66,8 @@ def asset_of(
     graph, spec, history = asset.plant.graph, asset.spec, asset.history()
     view = view_of(graph, history, asset.run.counts(), Notation.PRINT)
     diagnosis = view.diagnosis
-    blamed = fault_probabilities(diagnosis, instruments=True) if diagnosis and not view.contradicted else {}
+    told = diagnosis if diagnosis is not None and not view.contradicted else None
+    blamed = _blamed(told) if told is not None else {}
     in_use = {item.name: bool(used) for item, used in zip(spec.outputs, asset.run.watcher.in_use, strict=True)}
     decide = _DECIDE if diagnosis is not None and diagnosis.candidates else ()
     take_back = (Action.UNDO,) if asset.undo is not None else ()
@@ -93,6 +94,15 @@ def asset_of(
         },
         "journal": journal_of(deeds),
         "may": [action.value for action in (*asset.alarm.allows(now), *decide, *take_back)],
+    }
+
+
+def _blamed(diagnosis: Diagnosis) -> dict[str, float]:
+    """Give the probability that each component, sensor and input is at fault."""
+    return {
+        name: probability
+        for instruments in (True, False)
+        for name, probability in fault_probabilities(diagnosis, instruments=instruments).items()
     }
 
 

@@ -14,39 +14,24 @@ from faultbond.app.plant import find_plant
 from faultbond.app.wishes import Wanted
 from faultbond.cli import main
 from faultbond.errors import FaultbondError, StoreError
-from faultbond.io.recording import read_blocks
 from faultbond.io.row_block import RowBlock
 from faultbond.service.alarm import AlarmState
 from faultbond.service.asset import Asset
-from faultbond.service.messages import Action, Deed, Told
-
-EXAMPLE = Path("examples/rlc")
-PLANT = find_plant(EXAMPLE / "model.yaml", Wanted())
-RECORDING = next(EXAMPLE.glob("fault_*.csv"))
+from faultbond.service.messages import Action, Told
+from loop_asset import FOUND, MODEL, RECORDING, deed, plant, rows
 
 
-def rows_of(path: Path = RECORDING) -> RowBlock:
-    """Give the rows of a recording in one block."""
-    blocks = list(read_blocks(str(path), PLANT.columns))
-    return RowBlock(**{name: np.concatenate([getattr(b, name) for b in blocks]) for name in RowBlock.__slots__})
-
-
-def passed(asset: Asset, rows: RowBlock, cuts: Iterable[int] = ()) -> list[Told]:
+def passed(asset: Asset, block: RowBlock, cuts: Iterable[int] = ()) -> list[Told]:
     """Pass rows in portions; gives the records."""
-    portions = [rows.part(slice(a, b)) for a, b in pairwise([0, *cuts, len(rows)])]
+    portions = [block.part(slice(a, b)) for a, b in pairwise([0, *cuts, len(block)])]
     return [told for portion in portions for told in asset.take(portion).records]
-
-
-def deed(action: Action, *target: str, rows: int = 0, at: float = 100.0) -> Deed:
-    """Give a deed of somebody."""
-    return Deed(asset="loop", action=action, at=at, who="anna", rows=rows, target=target)
 
 
 def test_it_says_what_run_says(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Alarm and diagnoses are those of `faultbond run -`, with names that each come once."""
-    told = passed(Asset("loop", PLANT), rows_of(), cuts=range(7, 3000, 97))
+    told = passed(Asset("loop", plant()), rows(), cuts=range(7, 3000, 97))
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(RECORDING.read_bytes())))
-    main(["run", str(EXAMPLE / "model.yaml"), "-"])
+    main(["run", str(MODEL), "-"])
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     ours = [item.content for item in told]
     theirs = [line for line in lines if line["record"] in {"detection", "diagnosis"}]
@@ -59,45 +44,44 @@ def test_it_says_what_run_says(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
 @pytest.mark.parametrize("seed", range(3))
 def test_a_checkpoint_and_the_rows_behind_it_give_the_same(seed: int) -> None:
     """Cut anywhere, restored from the checkpoint there, it tells the same records, by the same names."""
-    rows, rng = rows_of(), np.random.default_rng(seed)
-    whole = passed(Asset("loop", PLANT), rows)
+    block, rng = rows(), np.random.default_rng(seed)
+    whole = passed(Asset("loop", plant()), block)
     found = next(item.sample for item in whole if item.kind == "detection")
     cut = int(rng.integers(found - 30, found + 120))
-    first = Asset("loop", PLANT)
-    before = passed(first, rows.part(slice(cut)))
+    first = Asset("loop", plant())
+    before = passed(first, block.part(slice(cut)))
     kept = first.checkpoint()
     assert kept is not None
-    second = Asset("loop", PLANT, kept)
+    second = Asset("loop", plant(), kept)
     assert (second.alarm, second.detection) == (first.alarm, first.detection)
-    behind = passed(second, rows.part(slice(cut, None)))
+    behind = passed(second, block.part(slice(cut, None)))
     assert [(item.id, item.content) for item in before + behind] == [(item.id, item.content) for item in whole]
 
 
 def test_a_decision_is_kept_and_can_be_taken_back_until_the_next_alarm() -> None:
     """Accepting ends the alarm; what it was before is kept with every checkpoint since, and is what it was."""
-    rows = rows_of()
-    asset = Asset("loop", PLANT)
-    found = next(item.sample for item in passed(asset, rows.part(slice(2400))) if item.kind == "detection")
-    assert found < 2300
+    asset = Asset("loop", plant())
+    found = next(item.sample for item in passed(asset, rows().part(slice(FOUND))) if item.kind == "detection")
+    assert found < FOUND
     state = asset.checkpoint()
     assert asset.diagnosis is not None
     best = asset.diagnosis.candidates[0].parameters
-    done = asset.do(deed(Action.ACCEPT, *best, rows=2400), 3)
+    done = asset.do(deed(Action.ACCEPT, *best, rows=FOUND), 3)
     assert [item.kind for item in done.records] == ["accepted"]
     assert asset.alarm.state(0.0) is AlarmState.RETURNED
     kept = asset.checkpoint()
     assert kept is not None
-    undo = Asset("loop", PLANT, kept).undo
+    undo = Asset("loop", plant(), kept).undo
     assert undo is not None
-    assert (undo.checkpoint, undo.rows, undo.deeds) == (state, 2400, 3)
-    again = Asset("loop", PLANT, undo.checkpoint)
+    assert (undo.checkpoint, undo.rows, undo.deeds) == (state, FOUND, 3)
+    again = Asset("loop", plant(), undo.checkpoint)
     assert (again.alarm.active, again.undo) == (True, None)
 
 
 def test_what_is_rejected_leaves_the_others_and_says_so_at_once() -> None:
     """After a rejection the next diagnosis may be far, so that of what is left is told with it."""
-    asset = Asset("loop", PLANT)
-    passed(asset, rows_of().part(slice(2400)))
+    asset = Asset("loop", plant())
+    passed(asset, rows().part(slice(FOUND)))
     assert asset.diagnosis is not None
     best = asset.diagnosis.candidates[0].parameters
     told = asset.do(deed(Action.REJECT, *best), 0).records
@@ -109,10 +93,10 @@ def test_what_is_rejected_leaves_the_others_and_says_so_at_once() -> None:
 
 def test_what_cannot_be_done_is_said_in_a_line() -> None:
     """Nothing to accept, nobody named, no such candidate: the asset stays as it was."""
-    asset, rows = Asset("loop", PLANT), rows_of()
+    asset = Asset("loop", plant())
     with pytest.raises(FaultbondError, match=r"loop: There is no alarm to explain"):
         asset.do(deed(Action.ACCEPT, "C"), 0)
-    passed(asset, rows.part(slice(2400)))
+    passed(asset, rows().part(slice(FOUND)))
     before = asset.checkpoint()
     with pytest.raises(FaultbondError, match=r"loop: name the suspects of the candidate to repaired|to accept"):
         asset.do(deed(Action.ACCEPT), 0)
@@ -124,20 +108,20 @@ def test_what_cannot_be_done_is_said_in_a_line() -> None:
 @pytest.mark.parametrize("spoil", [lambda kept: kept[:3], lambda kept: kept[:200], lambda kept: b"\0" * len(kept)])
 def test_a_damaged_checkpoint_is_refused(spoil: object) -> None:
     """Cut short or overwritten, none of it is believed."""
-    asset = Asset("loop", PLANT)
-    passed(asset, rows_of().part(slice(300)))
+    asset = Asset("loop", plant())
+    passed(asset, rows().part(slice(300)))
     kept = asset.checkpoint()
     assert kept is not None
     with pytest.raises(FaultbondError, match="loop"):
-        Asset("loop", PLANT, spoil(kept))  # type: ignore[operator]
+        Asset("loop", plant(), spoil(kept))  # type: ignore[operator]
 
 
 def test_a_checkpoint_of_another_model_is_refused(tmp_path: Path) -> None:
     """One of a model with other numbers is not gone on from."""
     other = tmp_path / "model.yaml"
-    other.write_text((EXAMPLE / "model.yaml").read_text().replace("20 ohm", "21 ohm"))
-    asset = Asset("loop", PLANT)
-    passed(asset, rows_of().part(slice(300)))
+    other.write_text(MODEL.read_text().replace("20 ohm", "21 ohm"))
+    asset = Asset("loop", plant())
+    passed(asset, rows().part(slice(300)))
     with pytest.raises(FaultbondError, match="an earlier form of this model"):
         Asset("loop", find_plant(other, Wanted()), asset.checkpoint())
 
@@ -145,4 +129,4 @@ def test_a_checkpoint_of_another_model_is_refused(tmp_path: Path) -> None:
 def test_store_error_is_ours() -> None:
     """A damaged header is told as a fault of the store."""
     with pytest.raises(StoreError, match="loop: its checkpoint is damaged"):
-        Asset("loop", PLANT, b"\x05\0\0\0hello")
+        Asset("loop", plant(), b"\x05\0\0\0hello")

@@ -1,0 +1,180 @@
+"""All assets at work: after any stop the same follows from what the store has, and what fails to be written waits."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from faultbond.errors import StoreError
+from faultbond.service.messages import Action, Arrivals, Deed
+from faultbond.service.store.base import Commit, Store
+from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.watching import AssetPlan, Done, Watch
+from loop_asset import FOUND, deed, plant, rows
+from memory_store import MemoryStore
+
+
+def watch(store: Any, every: float = 0.0) -> Watch:
+    """Watch the loop; `every`: s that pass with each look at the clock."""
+    times = iter(np.arange(0.0, 1e9, every)) if every else iter(lambda: 0.0, 1.0)
+    return Watch([AssetPlan(name="loop", plant=plant())], store, clock=lambda: float(next(times)))
+
+
+def arrivals(first: int, last: int) -> Arrivals:
+    """Give some of the rows."""
+    return Arrivals(asset="loop", rows=rows().part(slice(first, last)), arrived=1000.0 + last, cursor=str(last))
+
+
+def work(watch: Watch, *items: Arrivals | Deed) -> list[Done]:
+    """Take items and write what came of them."""
+    done = watch.take(items)
+    watch.settle()
+    return done
+
+
+@pytest.fixture
+def stores(tmp_path: Path) -> Iterator[tuple[SqliteStore, SqliteStore]]:
+    """Give two stores in files."""
+    made = [SqliteStore(tmp_path / f"{name}.sqlite", reserve=0) for name in ("one", "other")]
+    yield made[0], made[1]
+    for store in made:
+        store.close()
+
+
+def told(store: Store) -> list[tuple[str, object]]:
+    """Give all records, each with its name."""
+    return [(item.id, item.content) for item in store.records()]
+
+
+def best(watch: Watch) -> tuple[str, ...]:
+    """Give the suspects of the best candidate."""
+    diagnosis = watch.assets["loop"].diagnosis
+    assert diagnosis is not None
+    return diagnosis.candidates[0].parameters
+
+
+def played(store: Store, seed: int, stops: Sequence[int]) -> Watch:
+    """Play a day: rows in portions, people in between; at some items the service is killed and begins again."""
+    rng = np.random.default_rng(seed)
+    now, first, n_items = watch(store, every=20.0), 0, 0
+    acts: list[tuple[int, Action]] = [
+        (FOUND, Action.ACKNOWLEDGE),
+        (FOUND + 60, Action.ACCEPT),
+        (FOUND + 130, Action.UNDO),
+        (FOUND + 200, Action.REJECT),
+        (FOUND + 260, Action.REPAIRED),
+    ]
+    while first < len(rows()):
+        last = min(first + int(rng.integers(1, 90)), len(rows()))
+        if acts and last > acts[0][0]:
+            last = acts[0][0]
+        work(now, arrivals(first, last))
+        if acts and last == acts[0][0]:
+            _, action = acts.pop(0)
+            target = best(now) if action in {Action.ACCEPT, Action.REJECT, Action.REPAIRED} else ()
+            assert work(now, deed(action, *target))[0].error is None
+        first, n_items = last, n_items + 1
+        if n_items in stops:
+            now = watch(store, every=20.0)
+            assert now.cursors["loop"] == str(first)
+    return now
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_service_that_is_killed_tells_what_one_tells_that_is_not(
+    seed: int, stores: tuple[SqliteStore, SqliteStore]
+) -> None:
+    """Records, their names, deeds and the state at the end are the same, wherever it was stopped."""
+    whole, cut = stores
+    played(whole, seed, ())
+    stops = np.random.default_rng(100 + seed).choice(50, 12, replace=False).tolist()
+    last = played(cut, seed, stops)
+    assert told(cut) == told(whole)
+    assert not list(cut.contested())
+    assert [item.action for item in cut.deeds()] == [item.action for item in whole.deeds()]
+    kinds = [item.kind for item in whole.records()]
+    assert {"detection", "diagnosis", "accepted", "rejected"} <= set(kinds)
+    assert kinds.count("accepted") == 2
+    again = watch(cut)
+    assert again.assets["loop"].checkpoint() == last.assets["loop"].checkpoint()
+
+
+def test_what_is_taken_back_was_never_decided(stores: tuple[SqliteStore, SqliteStore]) -> None:
+    """After an undo the diagnoses are those of a service in which nobody accepted."""
+    plain, turned = stores
+    left, right = watch(plain), watch(turned)
+    cuts = (0, FOUND, FOUND + 100, FOUND + 200)
+    for first, last in pairwise(cuts):
+        work(left, arrivals(first, last))
+    work(right, arrivals(0, FOUND))
+    work(right, deed(Action.ACCEPT, *best(right)))
+    work(right, arrivals(FOUND, FOUND + 100))
+    assert right.assets["loop"].detection is None
+    (undone,) = work(right, deed(Action.UNDO))
+    work(right, arrivals(FOUND + 100, FOUND + 200))
+    assert undone.deed is not None
+    assert undone.deed.undone == next(item.number for item in turned.deeds() if item.action is Action.ACCEPT)
+    assert right.assets["loop"].detection == left.assets["loop"].detection
+    ours, theirs = ([item.content for item in store.records(kinds=["diagnosis"])] for store in (turned, plain))
+    assert ours == theirs
+    (refused,) = work(right, deed(Action.UNDO))
+    assert "no decision that can be taken back" in str(refused.error)
+
+
+def test_what_is_refused_is_not_in_the_log() -> None:
+    """A deed that makes no sense leaves nothing behind, and those around it are done."""
+    store = MemoryStore()
+    done = work(watch(store), deed(Action.ACKNOWLEDGE), deed(Action.SUPPRESS), deed(Action.SUPPRESS))
+    assert [item.error is None for item in done] == [False, True, False]
+    assert [item.action for item in store.deeds()] == [Action.SUPPRESS]
+
+
+class FailingStore(MemoryStore):
+    """One whose disk is full for a while."""
+
+    full = False
+
+    def commit(self, parts: Sequence[Commit]) -> None:
+        if self.full:
+            raise StoreError("the disk is full")
+        super().commit(parts)
+
+
+def test_what_cannot_be_written_waits() -> None:
+    """Nothing more is taken until it is; then nothing is missing, and nothing there twice."""
+    store, whole = FailingStore(), MemoryStore()
+    now, other = watch(store), watch(whole)
+    for first, last in ((0, 800), (800, FOUND), (FOUND, 1500)):
+        work(other, arrivals(first, last))
+        store.full = first == 800
+        now.take([arrivals(first, last)])
+        if store.full:
+            for _ in range(2):
+                with pytest.raises(StoreError, match="full"):
+                    now.settle()
+            with pytest.raises(ValueError, match="has not been settled"):
+                now.take([arrivals(last, last + 1)])
+            assert store.enrol(next(iter(store.logs.values())).enrolment).rows == 800
+            store.full = False
+        now.settle()
+    assert told(store) == told(whole)
+
+
+def test_a_checkpoint_that_cannot_be_used_costs_only_time() -> None:
+    """Damaged, or of another version: all of the log passes again, to the same state."""
+    store = MemoryStore()
+    now = watch(store, every=100.0)
+    for first in range(0, 1500, 300):
+        work(now, arrivals(first, first + 300))
+    (log,) = store.logs.values()
+    assert log.checkpoints
+    before = told(store)
+    log.checkpoints[:] = [replace(item, checkpoint=b"\0" * 9) for item in log.checkpoints]
+    again = watch(store)
+    assert again.assets["loop"].checkpoint() == now.assets["loop"].checkpoint()
+    assert again.assets["loop"].alarm == now.assets["loop"].alarm
+    assert told(store) == before
