@@ -20,7 +20,8 @@ from faultbond.service.sources.options import SourceOptions
 from faultbond.service.sources.simulated import SimulatedPlant, SimulationWishes
 from faultbond.service.sources.standard_input import StandardInput
 
-FORMS = "sim:, file:PATH, -, mqtt://HOST/TOPIC or mqtts://HOST/TOPIC"
+FORMS = "sim:, file:PATH, -, mqtt://HOST/TOPIC, mqtts://HOST/TOPIC or opc.tcp://HOST:PORT"
+SAFE = "Basic256Sha256"  # what OPC UA is encrypted by, if nothing else is said
 SECRET = "FAULTBOND_SOURCE_PASSWORD"  # noqa: S105 - the name of the variable that holds it
 SETTING = re.compile(r"[a-z_]+=")
 LATEST_FAULT = 1e9  # s after the begin; what is later was meant as a date
@@ -33,7 +34,8 @@ def open_source(address: str, subscribers: Sequence[Subscriber], options: Source
 
     Parameters
     ----------
-    address : `sim:`, `file:PATH`, `-`, `mqtt://HOST/TOPIC` or `mqtts://HOST/TOPIC`, with settings behind a `?`
+    address : `sim:`, `file:PATH`, `-`, `mqtt://HOST/TOPIC`, `mqtts://HOST/TOPIC` or `opc.tcp://HOST:PORT`, with
+        settings behind a `?`
     subscribers : the assets that it feeds
     options : what the site says beside the address
 
@@ -221,6 +223,39 @@ def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
     return MqttSource(broker, filters, subscribers, options)
 
 
+def _opcua(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> Source:
+    asked = _Asked(place, settings, ("ns", "period", "security", "patience", "together"))
+    authority, slash, path = place.partition("://")[2].partition("/")
+    host, port, user, password = _log_in(asked, authority, options)
+    options = _policy(asked, options, subscribers)
+    try:
+        from faultbond.service.sources.opcua import POLICIES, OpcUaSource, Server  # noqa: PLC0415 - needs asyncua
+    except ImportError as error:
+        raise asked.mistake('OPC UA needs asyncua. Install it with: pip install "faultbond[opcua]"') from error
+    policy = asked.text("security", "none" if options.unencrypted else SAFE)
+    if policy not in ("none", *POLICIES):
+        raise asked.mistake(f"security={policy}: expected {', '.join(POLICIES)} or none.")
+    if policy != "none" and not (options.certificate and options.key):
+        raise asked.mistake("give a certificate and its key, or say security=none to let others read and change it.")
+    for file in (options.certificate, options.key, options.server_certificate):
+        if policy != "none" and file and not Path(file).is_file():
+            raise asked.mistake(f"there is no file {file}.")
+    named = f"[{host}]" if ":" in host else host
+    server = Server(
+        url=f"opc.tcp://{named}:{port or 4840}{slash}{path}",
+        shown=shown_address(place),
+        user=user,
+        password=password,
+        policy="" if policy == "none" else policy,
+        certificate=options.certificate,
+        key=options.key,
+        server_certificate=options.server_certificate,
+        period=asked.positive("period", 0.1),
+        space=asked.text("ns"),
+    )
+    return OpcUaSource(server, subscribers, options)
+
+
 def _log_in(asked: _Asked, authority: str, options: SourceOptions) -> tuple[str, int | None, str | None, str | None]:
     """Give host, port, user and password; the password of a file goes before that of the environment or the address."""
     try:
@@ -271,4 +306,4 @@ def _tls(asked: _Asked, options: SourceOptions) -> ssl.SSLContext:
 
 
 Opened = Callable[[str, Details, Sequence[Subscriber], SourceOptions], Source]
-OPENED: Mapping[str, Opened] = {"sim": _simulated, "file": _file, "mqtt": _mqtt, "mqtts": _mqtt}
+OPENED: Mapping[str, Opened] = {"sim": _simulated, "file": _file, "mqtt": _mqtt, "mqtts": _mqtt, "opc.tcp": _opcua}

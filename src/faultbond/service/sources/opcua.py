@@ -1,0 +1,277 @@
+"""OPC UA: values of a server by subscription. Nothing here writes, calls or adds; a test reads this file for it."""
+
+import asyncio
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import AsyncExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from asyncua import ua
+from asyncua.client.client import Client
+from asyncua.common.node import Node
+from asyncua.common.subscription import DataChangeEvent, OverflowPolicy, StatusChangeEvent, Subscription
+from asyncua.crypto import security_policies
+from asyncua.ua.attribute_ids import AttributeIds
+from asyncua.ua.object_ids import ObjectIds
+from asyncua.ua.uaerrors import UaError
+from cryptography import x509
+
+from faultbond.errors import FaultbondError, SourceError
+from faultbond.io.times import unix_seconds
+from faultbond.service.messages import Arrivals
+from faultbond.service.sources.base import Subscriber
+from faultbond.service.sources.intake import Intake, Quality, Reading
+from faultbond.service.sources.options import SourceOptions
+from faultbond.service.sources.queue import ArrivalQueue
+
+POLICIES: Mapping[str, Any] = {
+    "Basic256Sha256": security_policies.SecurityPolicyBasic256Sha256,
+    "Aes128_Sha256_RsaOaep": security_policies.SecurityPolicyAes128Sha256RsaOaep,
+    "Aes256_Sha256_RsaPss": security_policies.SecurityPolicyAes256Sha256RsaPss,
+}
+GATHER = 0.1  # s between what goes out
+KEPT_BY_SERVER = 1000  # values of a node between two of its messages; more than one, or fast changes are lost
+WAITING = 100_000  # values between the network and us, beyond which the connection is given up
+TIMEOUT = 10.0  # s for the server to answer
+GOODBYE = 3.0  # s for it to take leave
+DEEPEST, MOST_NODES = 8, 20_000  # of a search by name
+OVERFLOW_BITS = 0x480  # of a status: the server has dropped values before this one
+OVERFLOW = "overflow"
+LOST = (UaError, OSError, asyncio.TimeoutError, ConnectionError)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Server:
+    """Where values come from. policy: of the encryption; empty: there is none. period: s between messages.
+
+    space: number or address of the name space in which columns are looked up by name; empty: all of them.
+    """
+
+    url: str
+    shown: str
+    user: str | None = None
+    password: str | None = None
+    policy: str = ""
+    certificate: str = ""
+    key: str = ""
+    server_certificate: str = ""
+    period: float = 0.1
+    space: str = ""
+
+
+class OpcUaSource:
+    """A source of values of an OPC UA server; how it is lost is told by `SourceError`.
+
+    Parameters
+    ----------
+    server : where they come from
+    subscribers : the assets
+    options : which node is which column, and how values become rows
+    """
+
+    def __init__(self, server: Server, subscribers: Sequence[Subscriber], options: SourceOptions) -> None:
+        self._server, self._subscribers, self._options = server, tuple(subscribers), options
+        self._queue = ArrivalQueue(subscribers, options.most_waiting)
+
+    @property
+    def address(self) -> str:
+        """What the user called it, without the password."""
+        return self._server.shown
+
+    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncIterator[Arrivals]:
+        """Give rows as they come; a server does not go back, so a cursor means nothing."""
+        intakes = {item.asset: Intake(item, self._options, self._queue) for item in self._subscribers}
+        reason: BaseException | None = None
+        try:
+            async with AsyncExitStack() as stack:
+                client = await self._connected(stack)
+                taking = await self._taking(client, intakes, stack)
+                while not (await asyncio.wait({taking}, timeout=GATHER))[0]:
+                    for found in self._queue.drain():
+                        yield found
+                reason = taking.exception()
+        except LOST as error:
+            reason = error
+        finally:
+            for intake in intakes.values():
+                intake.close()
+        for found in self._queue.drain():
+            yield found
+        raise self._lost(reason)
+
+    def _lost(self, reason: BaseException | None) -> FaultbondError:
+        """Give the error that says why there is nothing more."""
+        if isinstance(reason, FaultbondError):
+            return reason
+        words = " ".join(str(reason or "").split()).rstrip(".")
+        name = type(reason).__name__ if reason is not None else "the server ended the subscription"
+        return SourceError(f"{self._server.shown}: {words or name}.")
+
+    async def _connected(self, stack: AsyncExitStack) -> Client:
+        """Give the connection; it is closed at the end."""
+        server = self._server
+        client = Client(server.url, timeout=TIMEOUT)
+        if server.user:
+            client.set_user(server.user)
+            client.set_password(server.password or "")
+        if server.policy:
+            client.application_uri = await asyncio.to_thread(_own_name, server.certificate) or client.application_uri
+            await client.set_security(
+                POLICIES[server.policy],
+                certificate=server.certificate,
+                private_key=server.key,
+                server_certificate=server.server_certificate or None,
+                mode=ua.MessageSecurityMode.SignAndEncrypt,
+            )
+        stack.push_async_callback(_leave, client)
+        await client.connect()
+        return client
+
+    async def _taking(
+        self, client: Client, intakes: Mapping[str, Intake], stack: AsyncExitStack
+    ) -> "asyncio.Task[None]":
+        """Subscribe to all nodes, and give the task that takes their values until they end."""
+        targets: dict[ua.NodeId, list[tuple[Intake, str]]] = {}
+        for asset, nodes in (await self._nodes(client, intakes)).items():
+            for column, node in nodes.items():
+                targets.setdefault(node, []).append((intakes[asset], column))
+        subscription = await client.create_subscription(
+            self._server.period * 1000.0, queue_maxsize=WAITING, overflow=OverflowPolicy.DISCONNECT
+        )
+        answers = await _watched(subscription, list(targets))
+        for node, answer in zip(targets, answers, strict=True):
+            if isinstance(answer, ua.StatusCode):
+                intake, column = targets[node][0]
+                told = f"{node.to_string()} ({column} of {intake.asset}) cannot be read: {answer.name}"
+                raise SourceError(f"{self._server.shown}: {told}.")
+        task = asyncio.create_task(_take(subscription, targets))
+        stack.push_async_callback(_given_up, task)
+        return task
+
+    async def _nodes(self, client: Client, intakes: Mapping[str, Intake]) -> dict[str, dict[str, ua.NodeId]]:
+        """Give the node of each column of each asset: as it is told, else by its name."""
+        found: dict[str, dict[str, ua.NodeId]] = {}
+        by_name: dict[str, list[tuple[tuple[str, ...], ua.NodeId]]] | None = None
+        for asset, intake in intakes.items():
+            told = self._options.nodes.get(asset, {})
+            found[asset] = {}
+            for column in intake.columns:
+                if column in told:
+                    found[asset][column] = ua.NodeId.from_string(told[column])
+                    continue
+                if by_name is None:
+                    by_name = await self._browsed(client, {name for item in intakes.values() for name in item.columns})
+                found[asset][column] = self._chosen(asset, column, by_name.get(column, []))
+        return found
+
+    def _chosen(self, asset: str, column: str, nodes: Sequence[tuple[tuple[str, ...], ua.NodeId]]) -> ua.NodeId:
+        """Give the one node that has the name of a column; of several the one below the name of the asset."""
+        below = [item for item in nodes if asset in item[0]] or list(nodes)
+        if len(below) == 1:
+            return below[0][1]
+        named = ", ".join(node.to_string() for _, node in below[:5])
+        problem = f"{len(below)} variables are called {column!r} ({named})" if below else f"no variable {column!r}"
+        raise SourceError(f"{self._server.shown}: {problem}. Name the node of {column} for {asset}.")
+
+    async def _browsed(self, client: Client, names: set[str]) -> dict[str, list[tuple[tuple[str, ...], ua.NodeId]]]:
+        """Give the variables with some names, and the names of what they are in."""
+        space = self._server.space
+        wanted = None if not space else int(space) if space.isdecimal() else await client.get_namespace_index(space)
+        found: dict[str, list[tuple[tuple[str, ...], ua.NodeId]]] = {}
+        level: list[tuple[tuple[str, ...], Node]] = [((), client.get_objects_node())]
+        seen = {ua.NodeId(ua.Int32(ObjectIds.Server))}
+        for _ in range(DEEPEST):
+            below: list[tuple[tuple[str, ...], Node]] = []
+            for path, node in level:
+                for item in await node.get_children_descriptions():
+                    target = ua.NodeId(item.NodeId.Identifier, item.NodeId.NamespaceIndex)
+                    if target in seen or len(seen) > MOST_NODES:
+                        continue
+                    seen.add(target)
+                    name = item.BrowseName.Name or ""
+                    is_wanted = wanted is None or target.NamespaceIndex == wanted
+                    if item.NodeClass is ua.NodeClass.Variable and name in names and is_wanted:
+                        found.setdefault(name, []).append((path, target))
+                    below.append(((*path, name), client.get_node(target)))
+            level = below
+        return found
+
+
+async def _watched(subscription: Subscription, nodes: Sequence[ua.NodeId]) -> list[int | ua.StatusCode]:
+    """Ask for every value of some nodes, also for one that is as before at a later time, and give the answers.
+
+    A server that does not know how to do the latter is asked for changes.
+    """
+    every = ua.DataChangeFilter(Trigger=ua.DataChangeTrigger.StatusValueTimestamp)
+    answers = await subscription.create_monitored_items(
+        [_request(node, number, every) for number, node in enumerate(nodes, start=1)]
+    )
+    for k, answer in enumerate(answers):
+        if isinstance(answer, ua.StatusCode) and "Filter" in answer.name:
+            (answers[k],) = await subscription.create_monitored_items([_request(nodes[k], len(nodes) + 1 + k, None)])
+    return answers
+
+
+def _request(node: ua.NodeId, number: int, every: ua.DataChangeFilter | None) -> ua.MonitoredItemCreateRequest:
+    """Give the request for the values of a node."""
+    wanted = ua.MonitoringParameters()
+    wanted.ClientHandle, wanted.SamplingInterval = ua.UInt32(number), ua.Double(0.0)
+    wanted.QueueSize, wanted.DiscardOldest = ua.UInt32(KEPT_BY_SERVER), True
+    if every is not None:
+        wanted.Filter = every
+    request = ua.MonitoredItemCreateRequest()
+    request.ItemToMonitor.NodeId, request.ItemToMonitor.AttributeId = node, AttributeIds.Value
+    request.MonitoringMode, request.RequestedParameters = ua.MonitoringMode.Reporting, wanted
+    return request
+
+
+async def _take(subscription: Subscription, targets: Mapping[ua.NodeId, Sequence[tuple[Intake, str]]]) -> None:
+    """Take values until the subscription ends."""
+    async for event in subscription:
+        if isinstance(event, StatusChangeEvent):
+            raise ConnectionError(event.notification.Status.name)
+        if not isinstance(event, DataChangeEvent):
+            continue
+        data: ua.DataValue = event.data.monitored_item.Value
+        status = data.StatusCode.value if data.StatusCode is not None else 0
+        for intake, column in targets[event.node.nodeid]:
+            if status & OVERFLOW_BITS == OVERFLOW_BITS:
+                intake.count(OVERFLOW)
+            intake.take([_reading(column, event.value, data, status)])
+
+
+def _reading(column: str, value: object, data: ua.DataValue, status: int) -> Reading:
+    """Give a value with its quality and the time of its source, else that of the server."""
+    moment = data.SourceTimestamp or data.ServerTimestamp
+    quality = (Quality.GOOD, Quality.UNCERTAIN, Quality.BAD, Quality.BAD)[status >> 30]
+    return Reading(
+        column=column,
+        value=value if value is None or isinstance(value, bool | int | float | str) else "object",
+        time=None if moment is None else unix_seconds(moment),
+        quality=quality,
+    )
+
+
+def _own_name(certificate: str) -> str:
+    """Give what a certificate calls its application, by which servers know it; empty where it does not say."""
+    data = Path(certificate).read_bytes()
+    try:
+        found = x509.load_pem_x509_certificate(data) if b"-----BEGIN" in data else x509.load_der_x509_certificate(data)
+        names = found.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except (ValueError, x509.ExtensionNotFound):
+        return ""
+    return next(iter(names.get_values_for_type(x509.UniformResourceIdentifier)), "")
+
+
+async def _leave(client: Client) -> None:
+    """Close a connection, also one that is broken."""
+    with suppress(*LOST):
+        await asyncio.wait_for(client.disconnect(), GOODBYE)
+
+
+async def _given_up(task: "asyncio.Task[None]") -> None:
+    """Cancel what takes values."""
+    task.cancel()
+    with suppress(asyncio.CancelledError, FaultbondError, *LOST):
+        await task
