@@ -1,0 +1,63 @@
+"""What waits between the network and who takes it."""
+
+import asyncio
+import math
+
+import numpy as np
+
+from arriving import subscriber
+from faultbond.io.row_block import Row
+from faultbond.service.sources.intake import Intake, Quality, Reading
+from faultbond.service.sources.options import SourceOptions
+from faultbond.service.sources.queue import ArrivalQueue
+
+
+def row(time: float) -> Row:
+    """Give a row."""
+    return Row(time=time, u=np.zeros(1), y=np.zeros(2))
+
+
+def test_the_oldest_rows_are_dropped_and_counted() -> None:
+    """Of each asset by itself; what was given is not given again, nor counted again."""
+    queue = ArrivalQueue([subscriber("one"), subscriber("two")], 3)
+    for k in range(5):
+        queue.put("one", row(float(k)))
+    queue.put("two", row(7.0))
+    one, two = queue.drain()
+    assert one.rows.time.tolist() == [2.0, 3.0, 4.0]
+    assert (dict(one.counts), dict(two.counts)) == ({"dropped": 2}, {})
+    assert [*queue.drain()] == []
+
+
+def test_what_is_counted_is_told_without_a_row() -> None:
+    """A block without rows has the shape of the asset."""
+    queue = ArrivalQueue([subscriber("one")], 3)
+    queue.count("one", "bad", 2)
+    (found,) = queue.drain()
+    assert (len(found.rows), found.rows.u.shape, found.rows.y.shape) == (0, (0, 1), (0, 2))
+    assert dict(found.counts) == {"bad": 2}
+
+
+def test_values_that_nobody_takes_are_bounded_and_counted() -> None:
+    """Where who takes rows stands still, as many as may wait are there, the rest is counted; each value is judged."""
+
+    async def play() -> ArrivalQueue:
+        options = SourceOptions(most_waiting=10, patience=0.05, together=0.0, hold={"one": ("u",)})
+        queue = ArrivalQueue([subscriber("one")], options.most_waiting)
+        intake = Intake(subscriber("one"), options, queue)
+        for k in range(25):
+            values = [Reading(column=name, value=float(k), time=float(k)) for name in "uyz"]
+            intake.take(values)
+        await asyncio.sleep(0.1)
+        intake.take([Reading(column="y", value=1.0, time=99.0, quality=Quality.BAD)])
+        intake.take([Reading(column="z", value="on", time=99.0)])
+        await asyncio.sleep(0.1)
+        intake.take([Reading(column="y", value=1.0, time=100.0)])  # not complete: it goes when all is closed
+        intake.close()
+        return queue
+
+    (found,) = asyncio.run(asyncio.wait_for(play(), 5.0)).drain()
+    assert found.rows.time.tolist() == [*map(float, range(17, 25)), 99.0, 100.0]
+    assert dict(found.counts) == {"dropped": 17, "bad": 1, "unreadable": 1}
+    assert math.isnan(found.rows.y[-2, 0])
+    assert found.rows.u[-1, 0] == 24.0
