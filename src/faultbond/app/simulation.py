@@ -137,7 +137,13 @@ def simulated(
 
 
 def driving_inputs(graph: BondGraph, recording: Recording) -> tuple[list[GridPoint], int]:
-    """Give the inputs of a recording on the grid, with absent values held, and at how many points one was absent."""
+    """Give the inputs of a recording on the grid, with absent values held, and at how many points one was absent.
+
+    Raises
+    ------
+    RecordingError
+        Where no row has a time, or the recording is no usual one.
+    """
     points: list[GridPoint] = []
     held = 0
     last = np.full(len(graph.inputs), np.nan)

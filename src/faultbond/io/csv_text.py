@@ -35,7 +35,13 @@ class Pieces:
 
 @contextmanager
 def reading(title: str) -> Iterator[None]:
-    """Turn what can go wrong with a file into one message."""
+    """Turn what can go wrong with a file into one message.
+
+    Raises
+    ------
+    RecordingError
+        Where the file cannot be read.
+    """
     try:
         yield
     except OSError as error:
@@ -44,7 +50,13 @@ def reading(title: str) -> Iterator[None]:
 
 @contextmanager
 def opened_text(source: str | Path) -> Iterator["TextIO | Arriving"]:
-    """Open a text file, or standard input without closing it at the end."""
+    """Open a text file, or standard input without closing it at the end.
+
+    Raises
+    ------
+    RecordingError
+        Where standard input is closed.
+    """
     if str(source) != STANDARD_INPUT:
         with Path(source).open(encoding="utf-8-sig", errors="replace", newline="") as stream:
             yield stream
@@ -132,7 +144,13 @@ class Lines:
 
 
 def delimiter_of(lines: Lines, title: str) -> str:
-    """Give what separates the fields, by the first line that is not empty."""
+    """Give what separates the fields, by the first line that is not empty.
+
+    Raises
+    ------
+    RecordingError
+        Where this is not text.
+    """
     head: list[str] = []
     for line in lines:
         head.append(line)
@@ -146,7 +164,13 @@ def delimiter_of(lines: Lines, title: str) -> str:
 
 
 def records_in(lines: Lines, delimiter: str, title: str) -> Iterator[tuple[int, Sequence[str]]]:
-    """Give (line, fields) of each record; empty lines are passed over."""
+    """Give (line, fields) of each record; empty lines are passed over.
+
+    Raises
+    ------
+    RecordingError
+        Where a quotation is never closed, or a line is no row of a CSV file.
+    """
     reader = csv.reader(lines, delimiter=delimiter)
     try:
         before = lines.number

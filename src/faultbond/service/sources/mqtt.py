@@ -73,7 +73,13 @@ class MqttSource:
         return self._broker.shown
 
     async def arrivals(self, cursors: Mapping[str, str]) -> AsyncIterator[Arrivals]:
-        """Give rows as they come; a broker does not go back, so a cursor means nothing."""
+        """Give rows as they come; a broker does not go back, so a cursor means nothing.
+
+        Raises
+        ------
+        SourceError
+            Where the broker cannot be reached, refuses, or has been lost.
+        """
         broker, readers = self._broker, [self._reader(item) for item in self._subscribers]
         client = aiomqtt.Client(
             broker.host,

@@ -80,7 +80,13 @@ class OpcUaSource:
         return self._server.shown
 
     async def arrivals(self, cursors: Mapping[str, str]) -> AsyncIterator[Arrivals]:
-        """Give rows as they come; a server does not go back, so a cursor means nothing."""
+        """Give rows as they come; a server does not go back, so a cursor means nothing.
+
+        Raises
+        ------
+        FaultbondError
+            A `SourceError`, where the server cannot be reached, refuses, lacks a node, or has been lost.
+        """
         intakes = {item.asset: Intake(item, self._options, self._queue) for item in self._subscribers}
         reason: BaseException | None = None
         try:

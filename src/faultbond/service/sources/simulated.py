@@ -263,7 +263,13 @@ class SimulatedPlant:
         return self._shown
 
     async def arrivals(self, cursors: Mapping[str, str]) -> AsyncIterator[Arrivals]:
-        """Give rows at their time."""
+        """Give rows at their time.
+
+        Raises
+        ------
+        SourceError
+            Where a plant cannot be simulated.
+        """
         courses = list[_Course]()
         try:
             for item in self._subscribers:

@@ -39,7 +39,13 @@ class StandardInput:
         return "-"
 
     async def arrivals(self, cursors: Mapping[str, str]) -> AsyncIterator[Arrivals]:
-        """Give rows as they come; a cursor means nothing here."""
+        """Give rows as they come; a cursor means nothing here.
+
+        Raises
+        ------
+        SourceError
+            Where it cannot be read, is empty, or lacks a column.
+        """
         is_final = False
         while not is_final:
             is_final = await asyncio.to_thread(self._read)
