@@ -77,7 +77,13 @@ def self_test(graph: BondGraph, model: StepModel, core: Core) -> SelfTest:
 
 
 def usual_inputs(model: StepModel, spec: EngineSpec, count: int) -> tuple[FloatArray, dict[str, float]]:
-    """Give inputs of usual operation, (n, n_inputs), SI, and what the stores hold at its beginning."""
+    """Give inputs of usual operation, (n, n_inputs), SI, and what the stores hold at its beginning.
+
+    Raises
+    ------
+    StructureError
+        Where there is no finite solution near the usual inputs.
+    """
     run = next(usual_runs(model, spec, count), None)
     if run is None:
         graph = model.plant.graph
