@@ -3,7 +3,8 @@
 import argparse
 import os
 from collections.abc import Callable
-from math import nan
+from contextlib import closing
+from math import isnan, nan
 from pathlib import Path
 from typing import Never, TypeAlias
 
@@ -13,6 +14,8 @@ from faultbond.cli.completion import SHELLS, script
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
 from faultbond.io.out import Out
+from faultbond.io.times import moment_of
+from faultbond.model.graph import Unit
 from faultbond.types import SURE, TARGETS, Method, Verdict
 
 DONE, FAULT_DETECTED, NO_VERDICT = 0, 1, 4
@@ -51,6 +54,7 @@ def add_verbs(verbs: Subparsers) -> None:
     for add in (_add_check, _add_analyse, _add_fit, _add_simulate, _add_run, _add_decisions, _add_generate, _add_demo):
         add(verbs)
     _add_serve(verbs)
+    _add_history(verbs)
     _add_doctor(verbs)
     _add_completion(verbs)
 
@@ -447,6 +451,29 @@ def _add_serve(verbs: Subparsers) -> None:
     add("--check", action="store_true", help="only say what would be watched, and whether it can be")
 
 
+def _add_history(verbs: Subparsers) -> None:
+    """Add `history`."""
+
+    def call(arguments: argparse.Namespace, out: Out) -> int:
+        from faultbond.service.history import Excerpt, tell_history  # noqa: PLC0415 - not all need it
+        from faultbond.service.store.sqlite import SqliteStore  # noqa: PLC0415
+
+        wanted = Excerpt(asset=arguments.asset, begin=arguments.begin, end=arguments.end)
+        with closing(SqliteStore(arguments.kept, writes=False)) as store:
+            tell_history(store, wanted, output=arguments.output, out=out)
+        return DONE
+
+    summary = "list what a service found and people did, or write a period as a recording or a report"
+    parser = _add_verb(verbs, "history", call, summary, "faultbond history faultbond.sqlite", model=False)
+    add = parser.add_argument
+    add("kept", metavar="STORE", type=Path, help="file that `serve` writes; it may be writing it now")
+    add("--asset", metavar="NAME", help="only of this asset (default: all)")
+    for option, where, name in (("--from", "begin", "first"), ("--to", "end", "last")):
+        help_text = f"{name} moment of the period, s or ISO 8601 on the recording's clock (default: the {name} row)"
+        add(option, metavar="T", dest=where, type=_moment, help=help_text)
+    add("-o", "--output", metavar="FILE", type=Path, help="write FILE.csv, FILE.parquet or FILE.html instead")
+
+
 def _add_doctor(verbs: Subparsers) -> None:
     """Add `doctor`."""
 
@@ -541,6 +568,16 @@ def _time(text: str) -> float:
     from faultbond.model.quantities import duration  # noqa: PLC0415 - loads what reads units; `run` needs none
 
     return duration(text)
+
+
+def _moment(text: str) -> float:
+    """Read a moment of a recording's clock, s."""
+    found = moment_of(text, Unit("s"))
+    if isnan(found):
+        raise FaultbondError(
+            f"{text!r}: expected seconds, or a time such as 2026-11-23T14:00:00, UTC if no zone is given"
+        )
+    return found
 
 
 def _start(text: str) -> tuple[str, float]:
