@@ -3,19 +3,17 @@
 import argparse
 import os
 from collections.abc import Callable
-from contextlib import closing
-from math import isnan, nan
+from math import nan
 from pathlib import Path
 from typing import Never, TypeAlias
 
 from faultbond import app
 from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
 from faultbond.cli.completion import SHELLS, script
+from faultbond.cli.history import add_period, show_history
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
 from faultbond.io.out import Out
-from faultbond.io.times import moment_of
-from faultbond.model.graph import Unit
 from faultbond.types import SURE, TARGETS, Method, Verdict
 
 DONE, FAULT_DETECTED, NO_VERDICT = 0, 1, 4
@@ -455,23 +453,12 @@ def _add_history(verbs: Subparsers) -> None:
     """Add `history`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
-        from faultbond.service.history import Excerpt, tell_history  # noqa: PLC0415 - not all need it
-        from faultbond.service.store.sqlite import SqliteStore  # noqa: PLC0415
-
-        wanted = Excerpt(asset=arguments.asset, begin=arguments.begin, end=arguments.end)
-        with closing(SqliteStore(arguments.kept, writes=False)) as store:
-            tell_history(store, wanted, output=arguments.output, out=out)
+        show_history(arguments, out)
         return DONE
 
     summary = "list what a service found and people did, or write a period as a recording or a report"
-    parser = _add_verb(verbs, "history", call, summary, "faultbond history faultbond.sqlite", model=False)
-    add = parser.add_argument
-    add("kept", metavar="STORE", type=Path, help="file that `serve` writes; it may be writing it now")
-    add("--asset", metavar="NAME", help="only of this asset (default: all)")
-    for option, where, name in (("--from", "begin", "first"), ("--to", "end", "last")):
-        help_text = f"{name} moment of the period, s or ISO 8601 on the recording's clock (default: the {name} row)"
-        add(option, metavar="T", dest=where, type=_moment, help=help_text)
-    add("-o", "--output", metavar="FILE", type=Path, help="write FILE.csv, FILE.parquet or FILE.html instead")
+    example = "faultbond history faultbond.sqlite"
+    add_period(_add_verb(verbs, "history", call, summary, example, model=False))
 
 
 def _add_doctor(verbs: Subparsers) -> None:
@@ -568,16 +555,6 @@ def _time(text: str) -> float:
     from faultbond.model.quantities import duration  # noqa: PLC0415 - loads what reads units; `run` needs none
 
     return duration(text)
-
-
-def _moment(text: str) -> float:
-    """Read a moment of a recording's clock, s."""
-    found = moment_of(text, Unit("s"))
-    if isnan(found):
-        raise FaultbondError(
-            f"{text!r}: expected seconds, or a time such as 2026-11-23T14:00:00, UTC if no zone is given"
-        )
-    return found
 
 
 def _start(text: str) -> tuple[str, float]:
