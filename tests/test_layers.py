@@ -55,6 +55,7 @@ LATE_IMPORTS = (
     ("cli", "faultbond.service"),  # not all need it
     ("cli", "importlib.metadata"),
     ("service", "fastapi"),  # extras
+    ("service", "pyarrow"),
     ("service", "uvicorn"),
     ("service", "faultbond.service.web"),  # loads fastapi
     ("cli", "faultbond.model.quantities"),

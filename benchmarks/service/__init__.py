@@ -1,0 +1,1 @@
+"""How fast and how small the parts of the service are, on this machine."""

@@ -69,6 +69,8 @@ RECORDS = {
     "code": "model form text",
     "doctor": "version python platform compiler cache works checks group name state told advice",
     "completion": "shell text",
+    "deed": "asset number at who action target comment until undone rows",
+    "history": "asset output model",
     "generate": "model output target files watch_only lanes state_bytes work_bytes saved_bytes test_fault",
     "fmu": "model output fmi token platform files watch_only",
 }

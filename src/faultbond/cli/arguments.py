@@ -10,6 +10,7 @@ from typing import Never, TypeAlias
 from faultbond import app
 from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
 from faultbond.cli.completion import SHELLS, script
+from faultbond.cli.history import add_period, show_history
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
 from faultbond.io.out import Out
@@ -51,6 +52,7 @@ def add_verbs(verbs: Subparsers) -> None:
     for add in (_add_check, _add_analyse, _add_fit, _add_simulate, _add_run, _add_decisions, _add_generate, _add_demo):
         add(verbs)
     _add_serve(verbs)
+    _add_history(verbs)
     _add_doctor(verbs)
     _add_completion(verbs)
 
@@ -445,6 +447,18 @@ def _add_serve(verbs: Subparsers) -> None:
     add("--port", metavar="N", type=_number("--port", 0, 65535), help="port of the page (default: 8350); 0: any")
     add("--accept", metavar="LEVEL", type=_level, help="as of `run`")
     add("--check", action="store_true", help="only say what would be watched, and whether it can be")
+
+
+def _add_history(verbs: Subparsers) -> None:
+    """Add `history`."""
+
+    def call(arguments: argparse.Namespace, out: Out) -> int:
+        show_history(arguments, out)
+        return DONE
+
+    summary = "list what a service found and people did, or write a period as a recording or a report"
+    example = "faultbond history faultbond.sqlite"
+    add_period(_add_verb(verbs, "history", call, summary, example, model=False))
 
 
 def _add_doctor(verbs: Subparsers) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 PROGRAM = "faultbond"
-FILES = ("MODEL", "MODEL2", "REC", "STATE", "FILE", "FILE.html", "DIR")  # names of arguments that are files
+FILES = ("MODEL", "MODEL2", "REC", "STATE", "FILE", "FILE.html", "DIR", "STORE")  # names of arguments that are files
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

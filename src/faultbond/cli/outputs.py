@@ -13,7 +13,7 @@ from faultbond.io.files import STANDARD_INPUT, identity
 from faultbond.io.out import STANDARD_OUTPUT
 
 READ = {"model": "the model", "recording": "the recording", "recordings": "a recording", "data": "a recording"}
-READ |= {"inputs": "the recording of inputs", "models": "a model", "site": "the site file"}
+READ |= {"inputs": "the recording of inputs", "models": "a model", "site": "the site file", "kept": "the store"}
 WRITTEN = {
     "state": "the state",
     "store": "the store",

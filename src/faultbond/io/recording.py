@@ -121,13 +121,14 @@ def read_blocks(source: Recording, columns: Columns) -> Iterator[RowBlock]:
     return _csv_blocks(path, columns, str(path))
 
 
-def write_recording(path: str | Path, columns: Mapping[str, FloatArray]) -> None:
+def write_recording(path: str | Path, columns: Mapping[str, FloatArray], *, digits: int = 15) -> None:
     """Write columns of equal length as CSV, the header first; nan becomes an empty field.
 
     Parameters
     ----------
     path : file to write, replaced if it exists
     columns : values by header, each of shape (n_rows,), in the units in which they are to be read
+    digits : of each number; 17 give it back to the last bit
 
     Raises
     ------
@@ -146,7 +147,7 @@ def write_recording(path: str | Path, columns: Mapping[str, FloatArray]) -> None
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)
         for values in zip(*columns.values(), strict=True):
-            writer.writerow([f"{value:.15g}" if math.isfinite(value) else "" for value in values])
+            writer.writerow([f"{value:.{digits}g}" if math.isfinite(value) else "" for value in values])
 
 
 def row_reader(columns: Columns, header: Sequence[str], title: str) -> Callable[[int, Sequence[object]], Row]:

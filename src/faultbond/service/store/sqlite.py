@@ -264,21 +264,22 @@ class SqliteStore:
 
     def _grown(self, log: Log, part: Commit) -> Log:
         """Write the rows and curves of a part, and give its log then."""
-        tails = list(log.tails)
+        tails, arrived = list(log.tails), log.arrived
+        cursor, n_rows, points, time = log.cursor, log.rows, log.points, log.time
         if part.rows is not None or part.cursor:
-            log = replace(log, cursor=part.cursor)
+            cursor = part.cursor
         if part.rows is not None:
             self._check_width(log, "rows", part.rows.u.shape[1], part.rows.y.shape[1])
-            log = replace(log, arrived=part.arrived)
-            tails[ROWS.number] = append(self._database, log, ROWS, log.rows, part.rows)
+            arrived = part.arrived
+            tails[ROWS.number] = append(self._database, log, ROWS, n_rows, part.rows, arrived)
             known = part.rows.time[np.isfinite(part.rows.time)]
-            last = float(known[-1]) if len(known) else log.time
-            log = replace(log, rows=log.rows + len(part.rows), time=last)
+            time = float(known[-1]) if len(known) else time
+            n_rows += len(part.rows)
         if part.curves is not None:
             self._check_width(log, "curves", part.curves.inputs.shape[1], part.curves.measured.shape[1])
-            tails[CURVES.number] = append(self._database, log, CURVES, log.points, part.curves)
-            log = replace(log, points=log.points + len(part.curves))
-        return replace(log, tails=tuple(tails))
+            tails[CURVES.number] = append(self._database, log, CURVES, points, part.curves, arrived)
+            points += len(part.curves)
+        return replace(log, cursor=cursor, rows=n_rows, points=points, time=time, arrived=arrived, tails=tuple(tails))
 
     def _write_found(self, log: Log, part: Commit, came: int, told: list[str]) -> tuple[Log, int]:
         """Write the records and deeds of a part: what rows gave before the deeds, what deeds alone gave behind them."""

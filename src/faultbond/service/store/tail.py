@@ -129,13 +129,13 @@ def find_tails(database: Database, log: int) -> tuple[Tail, ...]:
     return tuple(tails)
 
 
-def append(database: Database, log: Log, kind: ChunkKind[Strip], first: int, block: Strip) -> Tail:
+def append(database: Database, log: Log, kind: ChunkKind[Strip], first: int, block: Strip, arrived: float) -> Tail:
     """Write rows behind the others of a log, the first of which is number `first`, and give its tail then."""
     tail = log.tails[kind.number]
     for begin in range(0, len(block), LARGE):
         part = kind.part(block, slice(begin, begin + LARGE))
         if len(part) == LARGE and not tail.pieces and not tail.count:
-            _write_chunk(database, log, kind, first + begin, part, arrived=log.arrived)
+            _write_chunk(database, log, kind, first + begin, part, arrived=arrived)
         else:
             low, high = _ends(part.time)
             number = database.insert(
@@ -144,12 +144,13 @@ def append(database: Database, log: Log, kind: ChunkKind[Strip], first: int, blo
                 kind=kind.number,
                 first=first + begin,
                 count=len(part),
-                arrived=log.arrived,
+                arrived=arrived,
                 low=low,
                 high=high,
                 content=kind.pack(part, dense=False),
             )
-            tail = replace(tail, pieces=(*tail.pieces, number), rows=tail.rows + len(part))
+            pieces, rows = (*tail.pieces, number), tail.rows + len(part)
+            tail = Tail(pieces=pieces, rows=rows, first=tail.first, count=tail.count)
     return tail
 
 
@@ -183,6 +184,8 @@ def merge(database: Database, log: Log, kind: ChunkKind[Any], at_most: int) -> t
         first = database.number(f"SELECT min(first) {small}", log.number, kind.number)
         tail = replace(tail, first=first or 0, count=tail.count - count)
         done += len(found) + count // LARGE
+    if not done:
+        return log, 0
     tails = tuple(tail if item is kind else log.tails[item.number] for item in KINDS)
     return replace(log, tails=tails), done
 

@@ -44,7 +44,7 @@ def main() -> None:
         sys.stdout.write(" ".join(map(str, rows.values())) + "\n")
         sys.stdout.flush()
         if done % 40 == 0:
-            store.retain(at_most=300_000)
+            store.retain(older_than=min(rows.values()) - 1500.0)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,46 @@
+"""The arguments of `history`, and how it is called with them."""
+
+import argparse
+from contextlib import closing
+from math import isnan
+from pathlib import Path
+
+from faultbond.errors import FaultbondError
+from faultbond.io.out import Out
+from faultbond.io.times import moment_of
+from faultbond.model.graph import Unit
+
+
+def add_period(parser: argparse.ArgumentParser) -> None:
+    """Add the store, the period, and where to write it."""
+    add = parser.add_argument
+    add("kept", metavar="STORE", type=Path, help="file that `serve` writes; it may be writing it now")
+    add("--asset", metavar="NAME", help="only of this asset (default: all)")
+    for option, where, name in (("--from", "begin", "first"), ("--to", "end", "last")):
+        meaning = f"{name} moment of the period, s or ISO 8601 on the recording's clock (default: the {name} row)"
+        add(option, metavar="T", dest=where, type=moment, help=meaning)
+    add("-o", "--output", metavar="FILE", type=Path, help="write FILE.csv, FILE.parquet or FILE.html instead")
+
+
+def show_history(arguments: argparse.Namespace, out: Out) -> None:
+    """Call the verb."""
+    from faultbond.service.history import Excerpt, tell_history  # noqa: PLC0415 - not all need it
+    from faultbond.service.store.sqlite import SqliteStore  # noqa: PLC0415
+
+    wanted = Excerpt(asset=arguments.asset, begin=arguments.begin, end=arguments.end)
+    with closing(SqliteStore(arguments.kept, writes=False)) as store:
+        tell_history(store, wanted, output=arguments.output, out=out)
+
+
+def moment(text: str) -> float:
+    """Read a moment of a recording's clock, s.
+
+    Raises
+    ------
+    FaultbondError
+        Where it is none.
+    """
+    found = moment_of(text, Unit("s"))
+    if isnan(found):
+        raise FaultbondError(f"{text!r}: expected seconds, or a time such as 2026-11-23T14:00:00, which is UTC.")
+    return found

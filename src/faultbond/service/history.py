@@ -1,0 +1,236 @@
+"""What a store keeps of a period: its journal as text or records, its measurements as a recording, and a report of it.
+
+A recording has the names and units of the model file, and every digit, so `run` on it reads what the service read. A
+report comes from passing the period again, from its first row on, with what people decided in it.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from faultbond.app.decision import chosen_hypothesis
+from faultbond.app.plant import find_plant
+from faultbond.app.plant_run import BegunRun, begin
+from faultbond.app.wishes import Wanted
+from faultbond.arrays import FloatArray
+from faultbond.contract.json_records import Record
+from faultbond.errors import FaultbondError, RecordingError
+from faultbond.io.files import replaced, replaced_text
+from faultbond.io.out import Out
+from faultbond.io.recording import write_recording
+from faultbond.io.row_block import RowBlock
+from faultbond.model.document import ModelDocument
+from faultbond.model.graph import BondGraph, Input, Sensor, Unit
+from faultbond.model.text import parse_model
+from faultbond.report.numbers import clock_text, probability_text
+from faultbond.service.messages import DECISIONS, Action, Deed, Told
+from faultbond.service.store.base import Enrolment, Store
+from faultbond.service.store.chunks import joined_rows
+
+EXACT = 17  # digits that give a number back to the last bit
+PARQUET, PAGE = (".parquet", ".pq"), (".html", ".htm")
+KINDS_OF_FILES = "FILE.csv, FILE.parquet or FILE.html"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Excerpt:
+    """A part of a store. asset: None: of all. begin, end: on the clock of the rows; None: the first, the last."""
+
+    asset: str | None = None
+    begin: float | None = None
+    end: float | None = None
+
+
+def tell_history(store: Store, wanted: Excerpt, *, output: Path | None, out: Out) -> None:
+    """List the journal of a period; with a file write the measurements or the report of it instead.
+
+    Parameters
+    ----------
+    store : what is read
+    wanted : which part of it
+    output : file to write, of which the name's ending says what it is to be; None: none
+    out : where text and records go
+
+    Raises
+    ------
+    FaultbondError
+        Where there is no such asset, no row in the period, or a file of another kind is wanted.
+    """
+    assets = _assets(store, wanted.asset)
+    if output is None:
+        for item in store.journal(wanted.asset, begin=wanted.begin, end=wanted.end):
+            out.say(line_of(item))
+            out.record(record_of(item))
+        return
+    if output.suffix.lower() not in (".csv", *PARQUET, *PAGE):
+        raise FaultbondError(f"{output}: what to write is told by the name's ending: {KINDS_OF_FILES}.")
+    if len(assets) > 1:
+        raise FaultbondError(
+            f"--asset: the store has {', '.join(assets)}; name the one that {output.name} is to be of."
+        )
+    enrolment = _in_force(store, assets[0], wanted)
+    log = store.log_between(assets[0], wanted.begin, wanted.end, enrolment.model_sha256)
+    if output.suffix.lower() in PAGE:
+        page = replayed(enrolment, log).run.page()
+        with replaced_text(output) as stream:
+            stream.write(page)
+    else:
+        graph = parse_model(enrolment.text, file=enrolment.label)
+        _write_columns(output, columns_in_units(graph, log))
+    out.say(f"{assets[0]}: {output}")
+    out.record({"record": "history", "asset": assets[0], "output": str(output), "model": enrolment.label})
+
+
+def line_of(item: Told | Deed) -> str:
+    """Give a record, or what a person did, as a line of text."""
+    if isinstance(item, Told):
+        return f"{clock_text(item.time)}  {item.asset}  {item.kind}{_content_text(item.content)}"
+    what = " ".join(filter(None, (item.action.value, " ".join(item.target))))
+    if item.undone is not None:
+        what = f"{what} entry {item.undone}"
+    if item.until is not None:
+        what = f"{what} until {clock_text(item.until)}"
+    comment = f": {item.comment}" if item.comment else ""
+    return f"{clock_text(item.at)}  {item.asset}  entry {item.number}, {item.who}: {what}{comment}"
+
+
+def record_of(item: Told | Deed) -> Record:
+    """Give a record with its id and asset, or what a person did as a record `deed`."""
+    if isinstance(item, Told):
+        return {**item.content, "id": item.id, "asset": item.asset}
+    return {
+        "record": "deed",
+        "asset": item.asset,
+        "number": item.number,
+        "at": item.at,
+        "who": item.who,
+        "action": item.action.value,
+        "target": list(item.target),
+        "comment": item.comment,
+        "until": item.until,
+        "undone": item.undone,
+        "rows": item.rows,
+    }
+
+
+def columns_in_units(graph: BondGraph, log: Iterable[RowBlock | Deed]) -> dict[str, FloatArray]:
+    """Give the rows of a log as columns of a recording by header, (n_rows,) each, in the units of the model file."""
+    blocks = [item for item in log if isinstance(item, RowBlock)]
+    rows = joined_rows(blocks)
+    columns = {}
+    if graph.time.column is not None:
+        columns[graph.time.column] = _in_unit(rows.time, graph.time.unit)
+    instruments: tuple[Input | Sensor, ...] = (*graph.inputs, *graph.sensors)
+    for item, values in zip(instruments, np.hstack([rows.u, rows.y]).T, strict=True):
+        columns[item.column] = _in_unit(values, item.unit)
+    return columns
+
+
+def replayed(enrolment: Enrolment, log: Iterable[RowBlock | Deed]) -> BegunRun:
+    """Pass a part of a log once more, as live: its rows, and the decisions in it that were not taken back.
+
+    A decision about an alarm from before the part has nothing to decide about, and is passed over.
+    """
+    document = ModelDocument(label=enrolment.label, data=enrolment.text.encode())
+    items = [*log]
+    gone = {item.undone for item in items if isinstance(item, Deed) and item.action is Action.UNDO}
+    wanted = Wanted()
+    begun = begin(find_plant(document, wanted), wanted, None, out=Out(text=None, json=None), live=True, curves=True)
+    for item in items:
+        if isinstance(item, RowBlock):
+            for points in begun.grid.push_block(item):
+                begun.run.course.take(points)
+        elif item.action in DECISIONS and item.number not in gone:
+            with suppress(FaultbondError):
+                _decide(begun, item)
+    begun.run.course.finish()
+    return begun
+
+
+def _decide(begun: BegunRun, deed: Deed) -> None:
+    """Decide as a person did."""
+    course = begun.run.course
+    diagnosis = course.diagnosis
+    if diagnosis is None or not diagnosis.candidates:
+        return
+    chosen = chosen_hypothesis(begun.run.watcher, diagnosis, deed.target)
+    if deed.action is Action.REJECT:
+        course.reject(chosen)
+    else:
+        course.accept(chosen, repaired=deed.action is Action.REPAIRED)
+
+
+def _assets(store: Store, name: str | None) -> list[str]:
+    """Give the names of the assets that are meant, one at least."""
+    known = list(dict.fromkeys(item.asset for item in store.enrolments()))
+    if not known:
+        raise FaultbondError("The store has no asset yet; `faultbond serve` begins one.")
+    if name is None:
+        return known
+    if name not in known:
+        raise FaultbondError(f"--asset {name}: the store has no such asset; it has {', '.join(known)}.")
+    return [name]
+
+
+def _in_force(store: Store, asset: str, wanted: Excerpt) -> Enrolment:
+    """Give the model with rows in a period, of several that which was enrolled last."""
+    for enrolment in reversed([*store.enrolments(asset)]):
+        log = store.log_between(asset, wanted.begin, wanted.end, enrolment.model_sha256)
+        if any(isinstance(item, RowBlock) for item in log):
+            return enrolment
+    begin, end = (-inf if wanted.begin is None else wanted.begin), (inf if wanted.end is None else wanted.end)
+    kept = next((item for item in store.log_between(asset) if isinstance(item, RowBlock)), None)
+    there = f"; what is kept begins at {clock_text(float(np.nanmin(kept.time)))}" if kept is not None else ""
+    raise RecordingError(f"{asset}: there is no row from {begin:g} to {end:g} s{there}.")
+
+
+def _in_unit(values: FloatArray, unit: Unit) -> FloatArray:
+    """Give SI values (n,) in a unit so that they become the same again, to the last bit where a number does so."""
+    found = np.asarray((values - unit.offset) / unit.factor)
+    for direction in (-inf, inf):
+        other = np.nextafter(found, direction)
+        better = (unit.factor * found + unit.offset != values) & (unit.factor * other + unit.offset == values)
+        found = np.where(better, other, found)
+    return found
+
+
+def _write_columns(path: Path, columns: Mapping[str, FloatArray]) -> None:
+    """Write a recording."""
+    if path.suffix.lower() not in PARQUET:
+        write_recording(path, columns, digits=EXACT)
+        return
+    try:
+        import pyarrow  # noqa: PLC0415 - optional
+        import pyarrow.parquet  # noqa: PLC0415 - optional
+    except ImportError as error:
+        advice = "Install it with: pip install 'faultbond[parquet]', or write a .csv"
+        raise RecordingError(f"{path}: writing Parquet needs pyarrow. {advice}") from error
+    table = pyarrow.table({name: pyarrow.array(values, from_pandas=True) for name, values in columns.items()})
+    with replaced(path) as stream:
+        pyarrow.parquet.write_table(table, stream)
+
+
+def _content_text(content: Record) -> str:
+    """Give what a record says in a few words."""
+    return "".join(f", {text}" for text in _words(content))
+
+
+def _words(content: Mapping[str, Any]) -> Iterator[str]:
+    if content.get("signals"):
+        yield f"by {' '.join(content['signals'])}"
+    if content.get("change_time") is not None:
+        yield f"begun about {clock_text(content['change_time'])}"
+    for candidate in [item for item in content.get("candidates", ()) if item.get("group")]:
+        yield f"{_suspects(candidate)} {probability_text(candidate['probability'])}"
+    if content.get("by"):
+        yield f"{_suspects(content)}, by {content['by']}"
+
+
+def _suspects(told: Mapping[str, Any]) -> str:
+    """Give the suspects of a candidate or decision."""
+    return " ".join(told.get("parameters") or told.get("components") or ("nothing",))

@@ -1,0 +1,233 @@
+"""What a store keeps can be listed, written as a recording that gives the same records, and passed again."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from faultbond.app.plant import find_plant
+from faultbond.app.wishes import Wanted
+from faultbond.cli import main
+from faultbond.errors import FaultbondError
+from faultbond.io.out import Out
+from faultbond.io.recording import columns_of, read_blocks
+from faultbond.io.row_block import RowBlock
+from faultbond.model.graph import Unit
+from faultbond.service import history
+from faultbond.service.asset import Asset
+from faultbond.service.history import Excerpt, columns_in_units, line_of, tell_history
+from faultbond.service.messages import Action, Deed
+from faultbond.service.store.base import Commit, Enrolment
+from faultbond.service.store.chunks import joined_rows
+from faultbond.service.store.sqlite import SqliteStore
+from made import EXAMPLES
+from stored import deed, enrolment, some_rows, told
+
+TANK, RECORDING = EXAMPLES / "tank" / "model.yaml", EXAMPLES / "tank" / "fault_pipe.csv"
+SILENT = Out(text=None, json=None)
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which the tank was watched through a fault that a person then accepted, and some rows more."""
+    path = tmp_path_factory.mktemp("kept") / "plant.db"
+    plant = find_plant(TANK, Wanted())
+    asset = Asset("tank", plant)
+    store = SqliteStore(path, reserve=0)
+    store.enrol(
+        Enrolment(
+            asset="tank",
+            model_sha256=asset.spec.model_sha256,
+            label=plant.document[0],
+            text=plant.document[1],
+            n_inputs=2,
+            n_outputs=2,
+        )
+    )
+    rows = joined_rows([*read_blocks(RECORDING, columns_of(plant.graph))])
+    for first in range(0, 2400, 100):
+        feed(store, asset, rows.part(slice(first, first + 100)), first)
+    decision = Deed(asset="tank", action=Action.ACCEPT, at=5e3, who="Ada", rows=2400, target=("K1",), comment="seen")
+    store.commit([Commit(asset="tank", deeds=(decision,), records=asset.do(decision, 0).records)])
+    for first in range(2400, 3000, 100):
+        feed(store, asset, rows.part(slice(first, first + 100)), first)
+    store.close()
+    return path
+
+
+def feed(store: SqliteStore, asset: Asset, rows: RowBlock, first: int) -> None:
+    """Watch some rows, and keep what came of them."""
+    found = asset.take(rows)
+    part = Commit(
+        asset="tank", rows=rows, arrived=float(first), records=found.records, curves=found.curves, cursor=str(first)
+    )
+    store.commit([part])
+
+
+def of_kinds(records: list[dict[str, Any]], *kinds: str) -> list[dict[str, Any]]:
+    """Records of some kinds, without what only the store knows."""
+    own = ("id", "asset")
+    return [{key: item[key] for key in item if key not in own} for item in records if item["record"] in kinds]
+
+
+def listed(kept: Path, target: Path, *arguments: str) -> list[dict[str, Any]]:
+    """The records that `history` writes."""
+    assert main(["history", str(kept), "--json", str(target), *arguments]) == 0
+    return [json.loads(line) for line in target.read_text().splitlines()]
+
+
+def test_the_journal(kept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Records and deeds come in the order in which they were: alarm, diagnoses, what a person did, what followed."""
+    records = listed(kept, tmp_path / "all.json")
+    kinds = [item["record"] for item in records]
+    assert kinds[0] == "detection"
+    place = kinds.index("deed")
+    assert kinds[place : place + 2] == ["deed", "accepted"]
+    assert set(kinds[1:place]) == {"diagnosis"}
+    assert records[place] == {
+        "record": "deed",
+        "asset": "tank",
+        "number": 1,
+        "at": 5e3,
+        "who": "Ada",
+        "action": "accept",
+        "target": ["K1"],
+        "comment": "seen",
+        "until": None,
+        "undone": None,
+        "rows": 2400,
+    }
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(records)
+    assert "tank  detection, by flow" in lines[0]
+    assert ", begun about 1489 s" in lines[0]
+    assert lines[place] == "5000 s  tank  entry 1, Ada: accept K1: seen"
+    assert lines[place + 1].startswith("2399 s  tank  accepted, K1, by person")
+    assert "K1 " in lines[place - 1]
+    later = listed(kept, tmp_path / "later.json", "--from", "2000", "--to", "2399")
+    assert later == [item for item in records if item["record"] == "deed" or item["time"] >= 2000]
+    assert listed(kept, tmp_path / "none.json", "--from", "1970-01-01T02:00:00") == []
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_recording_gives_the_same_records(kept: Path, tmp_path: Path, ending: str) -> None:
+    """What is written is read by `run` to the last bit, and gives the records of the service up to the decision."""
+    pytest.importorskip("pyarrow")
+    target = tmp_path / f"tank.{ending}"
+    assert main(["history", str(kept), "-o", str(target), "--to", "2399"]) == 0
+    graph = find_plant(TANK, Wanted()).graph
+    found = joined_rows([*read_blocks(target, columns_of(graph))])
+    store = SqliteStore(kept, writes=False)
+    rows = [item for item in store.log_between("tank", end=2399.0) if isinstance(item, RowBlock)]
+    expected = joined_rows(rows)
+    for name in ("time", "u", "y"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+    out = tmp_path / "run.json"
+    assert main(["run", str(TANK), str(target), "--json", str(out)]) == 1
+    again = [json.loads(line) for line in out.read_text().splitlines()]
+    before = [history.record_of(item) for item in store.records(kinds=("detection", "diagnosis"))]
+    first = of_kinds(again, "detection", "diagnosis")
+    live = [item for item in of_kinds(before, "detection", "diagnosis") if float(item["time"]) <= 2399]
+    assert len(live) > 5
+    assert first[: len(live)] == live
+    store.close()
+
+
+def test_a_report_of_a_period(kept: Path, tmp_path: Path) -> None:
+    """The period is passed again with what was decided in it: the report tells the fault, and that it was accepted."""
+    target = tmp_path / "tank.html"
+    record = listed(kept, tmp_path / "done.json", "-o", str(target))
+    assert record == [{"record": "history", "asset": "tank", "output": str(target), "model": str(TANK)}]
+    page = target.read_text()
+    assert "<html" in page
+    assert "Accepted" in page
+    store = SqliteStore(kept, writes=False)
+    (enrolled,) = store.enrolments()
+    course = history.replayed(enrolled, store.log_between("tank")).run.course
+    assert [item.candidate.parameters for item in course.found.accepted] == [("K1",)]
+    assert course.found.open is None
+    quiet = history.replayed(enrolled, store.log_between("tank", 0.0, 1400.0)).run
+    assert not quiet.course.found.detections
+    assert quiet.course.counts.samples == 1401
+    store.close()
+
+
+def test_units_come_back_to_the_last_bit() -> None:
+    """A value in the unit of the model file becomes the same number in SI as it was before."""
+    rng = np.random.default_rng(3)
+    for unit in (Unit("degC", 1.0, 273.15), Unit("kPa", 1000.0), Unit("cm^3/s", 1e-6), Unit("l/min", 1e-3 / 60)):
+        read = np.round(rng.normal(20, 5, 2000), 3)
+        values = unit.factor * read + unit.offset
+        written = history._in_unit(values, unit)
+        np.testing.assert_array_equal(unit.factor * written + unit.offset, values)
+
+
+def test_columns_of_a_log() -> None:
+    """Columns are those that the model file names; a log of several blocks and deeds is one recording."""
+    graph = find_plant(TANK, Wanted()).graph
+    blocks: list[RowBlock | Deed] = [some_rows(0, 3, n_inputs=2), deed("tank", 3), some_rows(3, 2, n_inputs=2)]
+    columns = columns_in_units(graph, blocks)
+    assert list(columns) == ["time", "u_in", "u_out", "flow", "pressure"]
+    assert columns["time"].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "output", "reason"),
+    [
+        (Excerpt(asset="nobody"), None, "--asset nobody: the store has no such asset; it has pump, fan"),
+        (Excerpt(), "a.csv", "--asset: the store has pump, fan; name the one that a.csv is to be of"),
+        (Excerpt(asset="pump"), "a.txt", "what to write is told by the name's ending"),
+        (
+            Excerpt(asset="pump", begin=90.0),
+            "a.csv",
+            "pump: there is no row from 90 to inf s; what is kept begins at 0 s",
+        ),
+        (Excerpt(asset="fan"), "a.html", "fan: there is no row"),
+    ],
+)
+def test_what_cannot_be_written(tmp_path: Path, wanted: Excerpt, output: str | None, reason: str) -> None:
+    """One line says what is wrong, and no file is made."""
+    store = SqliteStore(tmp_path / "plant.db", reserve=0)
+    for name in ("pump", "fan"):
+        store.enrol(enrolment(name))
+    store.commit([Commit(asset="pump", rows=some_rows(0, 9), records=(told("pump", 3),))])
+    target = tmp_path / output if output is not None else None
+    with pytest.raises(FaultbondError, match=reason):
+        tell_history(store, wanted, output=target, out=SILENT)
+    assert target is None or not target.exists()
+    store.close()
+
+
+def test_an_older_model(tmp_path: Path) -> None:
+    """A period in which another model was in force is written with that model's names."""
+    store = SqliteStore(tmp_path / "plant.db", reserve=0)
+    text = TANK.read_text()
+    for k, name in enumerate(("flow", "current_flow")):
+        new = Enrolment(
+            asset="tank",
+            model_sha256=f"{k}" * 64,
+            label="m.yaml",
+            text=text.replace("  flow:     {", f"  {name}: {{"),
+            n_inputs=2,
+            n_outputs=2,
+        )
+        assert k == 0 or name in new.text
+        store.enrol(new)
+        store.commit([Commit(asset="tank", rows=some_rows(100 * k, 10, n_inputs=2))])
+    for begin, name in ((0.0, "flow"), (100.0, "current_flow")):
+        target = tmp_path / f"{name}.csv"
+        tell_history(store, Excerpt(begin=begin, end=begin + 9), output=target, out=SILENT)
+        lines = target.read_text().splitlines()
+        assert lines[0] == f"time,u_in,u_out,{name},pressure"
+        assert len(lines) == 11
+    store.close()
+
+
+def test_a_line_of_each_kind() -> None:
+    """What a person did says until when, and what it took back."""
+    shelved = Deed(asset="pump", action=Action.SHELVE, at=10.0, who="Ada", rows=0, until=70.0, number=4)
+    assert line_of(shelved) == "10 s  pump  entry 4, Ada: shelve until 70 s"
+    undone = Deed(asset="pump", action=Action.UNDO, at=10.0, who="Ada", rows=0, undone=4, number=5)
+    assert line_of(undone) == "10 s  pump  entry 5, Ada: undo entry 4"
