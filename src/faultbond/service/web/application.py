@@ -4,6 +4,7 @@ The interface is described by `openapi.json`. All that is refused has one shape,
 """
 
 import asyncio
+import gzip
 import hmac
 import logging
 from collections.abc import Callable, Collection, Coroutine
@@ -287,6 +288,7 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
         "/api/v1/assets/{asset}/curves", response_model=CurvesShape, responses=seen_of_one, dependencies=[viewer]
     )
     async def curves(
+        request: Request,
         asset: AssetName,
         begin: ClockTime = None,
         end: ClockTime = None,
@@ -295,7 +297,7 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
         """Give curves of a period, the newest where none is given; of at most so many points, with all peaks."""
         if begin is not None and end is not None and begin > end:
             raise HTTPException(422, "begin: it is behind the end.")
-        return JSONResponse(_known(face.curves, asset, begin, end, most))
+        return _packed(request, JSONResponse(_known(face.curves, asset, begin, end, most)))
 
     @router.get(
         "/api/v1/assets/{asset}/report", response_class=HTMLResponse, responses=seen_of_one, dependencies=[viewer]
@@ -320,6 +322,16 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
         return EventStream(broadcast, admitted, lambda: guard.who(cookie) is not None)
 
     return router
+
+
+def _packed(request: Request, answer: Response) -> Response:
+    """Give an answer by gzip where that is taken; only one without secrets, since its size tells of what is in it."""
+    answer.headers["vary"] = "accept-encoding"
+    if "gzip" in request.headers.get("accept-encoding", ""):
+        answer.body = gzip.compress(bytes(answer.body), 4)
+        answer.headers["content-encoding"] = "gzip"
+        answer.headers["content-length"] = str(len(answer.body))
+    return answer
 
 
 def _known(ask: Any, asset: str | None, *arguments: object) -> Any:

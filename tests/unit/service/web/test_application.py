@@ -86,6 +86,16 @@ def test_curves_of_a_period(local: Asked) -> None:
     assert (told["time"][0], told["time"][-1], len(told["time"])) == (begin, end, 31)
 
 
+def test_curves_are_packed_where_that_is_taken(local: Asked) -> None:
+    """Curves are the same by gzip and plain, and much smaller by gzip."""
+    packed, plain = (
+        local("GET", "/api/v1/assets/tank_1/curves", headers={"accept-encoding": kind}) for kind in ("gzip", "identity")
+    )
+    assert packed.json() == plain.json()
+    assert 2 * int(packed.headers["content-length"]) < int(plain.headers["content-length"]) == len(plain.content)
+    assert "content-encoding" not in plain.headers
+
+
 def test_each_action_reaches_the_service(local: Asked) -> None:
     """What a person does comes to the service with who it was, and its entry comes back."""
     answer = local.do(action="shelve", minutes=30, comment="  Being cleaned. ")
