@@ -67,7 +67,7 @@ def render_browser_page(
         recording=recording.name if recording else "",
         data=_data(graph, spec, recording),
         packed={"module": _packed(module), "recording": _packed(recording.content) if recording else ""},
-        style=(STATIC / "report.css").read_text(encoding="utf-8") + _text("page.css"),
+        style=(STATIC / "report.css").read_text(encoding="utf-8") + _text("chart.css") + _text("page.css"),
         worker=_text("worker.js"),
         script="\n".join(map(_text, SCRIPTS)),
     )

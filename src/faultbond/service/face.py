@@ -32,15 +32,17 @@ class Face(Protocol):
     A summary of an asset: `name`, `model`, `status` (a name of `Ne107`), `status_code`, `monitoring` (a value of
     `Monitoring`), `headline` (a sentence), `since` (of the status, Unix s), `time` (of the last sample), `samples`,
     `operation` (`alarms on`, `waiting`, `outside`), `alarm` (None or `state`, `since`, `acknowledged_by`,
-    `shelved_until`, `signals`, `change_time`), `best` (None or `names`, `probability`).
+    `shelved_until`, `signals`, and of samples `time`, at which it was raised, and `change_time`), `best` (None or
+    `names`, `probability`).
 
     An asset: `summary`, `drawing` (SVG whose groups carry `data-name`), `suspicion` (probability by component),
     `signals` (list of `name`, `role` sensor or input, `unit`, `in_use`), `cusum_limit`, `verdict` (sentences), `rows`
     (candidates: `suspects` as a list of `name`, `component`, `nominal`, `estimate`, `sd`, `change` as texts with units;
-    `kinds`, `probability`, `percent`, `group`), `several`, `checks` (list of `what`, `why`), `notes`, `events` (list of
-    `text`, `alarm`), `ranking` (probability over time of the candidates: `time`, `names`, `probability`), `counts` (by
-    name), `journal` (newest first: `number`, `at`, `who`, `action`, `comment`, `target`, `undone_by`), `may` (the
-    actions that make sense now).
+    `kinds`, a list of texts, `probability`, `percent`, `group`), `several` (whether they cannot be told apart),
+    `checks` (list of `what`, `why`), `notes`, `events` (list of `text`, `alarm`), `ranking` (probability over time of
+    the candidates: `time`, `names`, and `probability`, for each name a list as long as `time`), `counts` (by name),
+    `journal` (newest first: `number`, `at`, `who`, `action`, `comment`, `target`, `undone_by`), `may` (the actions that
+    make sense now).
 
     Curves: `time`, `inputs`, `measured`, `expected`, `sd`, `cusum`; all but the first and last two by signal, in its
     unit; `sd`, `cusum` by sensor.

@@ -1,4 +1,5 @@
-"""The operator's page and the interface behind it.
+"""The operator's page, and the interface over HTTP behind it.
 
-In: the face of the service. Out: answers to browsers, and a stream of what happens. Read `application`, `security`.
+In: a `Face` of the service, and a guard who knows people. Out: an application that a server of HTTP runs.
+Read `application`, `security`, `shield`, `shapes`, `broadcast`, `page_files`.
 """

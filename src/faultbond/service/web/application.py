@@ -1,0 +1,400 @@
+"""The application: the page, and the interface behind it under `api/v1`. Nothing here writes into the plant.
+
+The interface is described by `openapi.json`. All that is refused has one shape, `{"ok": false, "error", "status"}`.
+"""
+
+import asyncio
+import gzip
+import hmac
+import logging
+from collections.abc import Callable, Collection, Coroutine
+from importlib.metadata import version
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, FastAPI, HTTPException, Path, Query, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import HTMLResponse, JSONResponse
+from fastapi.routing import APIRoute
+from fastapi.security import APIKeyCookie, APIKeyHeader
+from starlette.exceptions import HTTPException as AnyHTTPException
+from starlette.types import Message
+
+from faultbond.errors import FaultbondError, StoreError
+from faultbond.service.face import Face, Shown
+from faultbond.service.face import Request as Wanted
+from faultbond.service.messages import Action
+from faultbond.service.web.broadcast import Broadcast, BusyError, EventStream
+from faultbond.service.web.page_files import page_files
+from faultbond.service.web.security import Guard, Person, Role, TooManyTriesError, needed
+from faultbond.service.web.shapes import (
+    AssetShape,
+    CurvesShape,
+    DeedShape,
+    DoneShape,
+    EntryShape,
+    HealthShape,
+    LoginShape,
+    MeShape,
+    RefusalShape,
+    SiteShape,
+)
+from faultbond.service.web.shield import HEADERS, LOOPBACK, REPORT_POLICY, Shield, refusal
+
+COOKIE = "faultbond_session"
+TOKEN = "X-Faultbond-Token"  # noqa: S105 - the name of a header
+LARGEST_BODY = 64 * 1024  # bytes
+MOST_POINTS = 5000
+_TOO_LARGE = f"The body is too large. At most {LARGEST_BODY // 1024} KiB are taken here."
+_LOG = logging.getLogger(__name__)
+_REFUSALS = {
+    400: "The request cannot be read.",
+    401: "Nobody is logged in.",
+    403: "The role, the origin or the token is not right.",
+    404: "There is no such thing.",
+    409: "It cannot be done now.",
+    413: "The body is too large.",
+    415: "The body is not JSON.",
+    421: "The service does not answer to this name.",
+    422: "A value is missing or wrong.",
+    429: "There were too many failed logins.",
+    503: "The store cannot be written, or too many pages are open.",
+}
+_cookie = APIKeyCookie(name=COOKIE, auto_error=False, description="Of a session that `login` began")
+_header = APIKeyHeader(name=TOKEN, auto_error=False, description="The `token` that `me` tells")
+AssetName = Annotated[str, Path(max_length=200, description="Name of an asset")]
+ClockTime = Annotated[float | None, Query(allow_inf_nan=False, description="By the clock of the samples, s")]
+
+
+class Bounded(APIRoute):
+    """A route that takes small bodies only; too large a one is refused in the shape of all refusals."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """Give what answers."""
+        answer = super().get_route_handler()
+
+        async def bounded(request: Request) -> Response:
+            length = request.headers.get("content-length", "")
+            if length.isdecimal() and int(length) > LARGEST_BODY:
+                raise HTTPException(413, _TOO_LARGE)
+            taken = 0
+
+            async def receive() -> Message:
+                nonlocal taken
+                message = await request.receive()
+                taken += len(message.get("body", b""))
+                if taken > LARGEST_BODY:
+                    raise HTTPException(413, _TOO_LARGE)
+                return message
+
+            return await answer(Request(request.scope, receive))
+
+        return bounded
+
+
+class Described(FastAPI):
+    """An application whose description tells that refusals are JSON where the answer itself is not."""
+
+    def openapi(self) -> dict[str, Any]:
+        """Give the description."""
+        if self.openapi_schema is None:
+            shape = {"application/json": {"schema": {"$ref": f"#/components/schemas/{RefusalShape.__name__}"}}}
+            operations = [item for path in super().openapi()["paths"].values() for item in path.values()]
+            for status, answer in (pair for item in operations for pair in item["responses"].items()):
+                if status != "200" and "application/json" not in answer.get("content", {}):
+                    answer["content"] = shape
+        return super().openapi()
+
+
+def application(face: Face, guard: Guard, *, hosts: Collection[str] = LOOPBACK) -> FastAPI:
+    """Make the application.
+
+    Parameters
+    ----------
+    face : the service
+    guard : knows people
+    hosts : names and addresses under which the service may be asked, without ports
+
+    Returns
+    -------
+    It has the viewers as `state.broadcast`, of which `close` sends them away where the service stops.
+    """
+    made = Described(
+        title="faultbond",
+        version=version("faultbond"),
+        description="What a service of faultbond sees, and what people do about it. It never writes into the plant.",
+        docs_url=None,  # that page would load scripts from another host
+        redoc_url=None,
+        openapi_url="/openapi.json",
+        responses=_refusals(421),
+    )
+    made.state.broadcast = Broadcast(face)
+    made.add_middleware(Shield, hosts=hosts)
+    _tell_errors(made)
+    made.include_router(_pages())
+    made.include_router(_people(guard))
+    made.include_router(_views(face, guard, made.state.broadcast))
+    made.include_router(_deeds(face, guard))
+    return made
+
+
+def _refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    return {status: {"model": RefusalShape, "description": _REFUSALS[status]} for status in statuses}
+
+
+def _tell_errors(made: FastAPI) -> None:
+    """Give all errors the one shape."""
+
+    @made.exception_handler(AnyHTTPException)
+    async def told(request: Request, error: AnyHTTPException) -> Response:
+        return refusal(error.status_code, str(error.detail), dict(error.headers or {}))
+
+    @made.exception_handler(RequestValidationError)
+    async def invalid(request: Request, error: RequestValidationError) -> Response:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"][1:])
+        text = str(first["msg"]).removeprefix("Value error, ")
+        return refusal(422, f"{place}: {text}." if place else f"{text}.")
+
+    @made.exception_handler(Exception)
+    async def failed(request: Request, error: Exception) -> Response:
+        _LOG.error("%s %s failed", request.method, request.url.path, exc_info=error)
+        return refusal(500, "The service failed at this; its log tells more.", HEADERS)
+
+
+def _pages() -> APIRouter:
+    """Give the page and its files, which hold no data of the plant."""
+    router = APIRouter(include_in_schema=False)
+    files = page_files()
+
+    def served(request: Request, name: str) -> Response:
+        found = files.get(name)
+        if found is None:
+            raise HTTPException(404, "There is no such file.")
+        headers = {"etag": found.tag, "cache-control": "no-cache", "vary": "accept-encoding"}
+        if request.headers.get("if-none-match") == found.tag:
+            return Response(status_code=304, headers=headers)
+        if "gzip" not in request.headers.get("accept-encoding", ""):
+            return Response(found.content, media_type=found.media_type, headers=headers)
+        return Response(found.packed, media_type=found.media_type, headers=headers | {"content-encoding": "gzip"})
+
+    @router.api_route("/", methods=["GET", "HEAD"])
+    async def index(request: Request) -> Response:
+        return served(request, "index.html")
+
+    @router.api_route("/static/{name:path}", methods=["GET", "HEAD"])
+    async def file(request: Request, name: str) -> Response:
+        return served(request, name)
+
+    return router
+
+
+def _person(guard: Guard, role: Role) -> Any:
+    """Give what finds the person that asks, and refuses one whose role is less."""
+
+    async def found(cookie: Annotated[str | None, Depends(_cookie)]) -> Person:
+        person = guard.who(cookie)
+        if person is None:
+            raise HTTPException(401, "Nobody is logged in. Log in first.", {"www-authenticate": "Session"})
+        if person.role < role:
+            raise HTTPException(403, f"{person.name} may not do this: it takes the role {role.name.lower()}.")
+        return person
+
+    return Depends(found)
+
+
+def _check_token(person: Person, token: str | None) -> None:
+    if token is None or not hmac.compare_digest(token.encode(), person.token.encode()):
+        raise HTTPException(403, f"The token is not right. Send that of `me` as {TOKEN}.")
+
+
+async def _check_json(request: Request) -> None:
+    if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
+        raise HTTPException(415, "The body is to be JSON. Send it as application/json.")
+
+
+def _people(guard: Guard) -> APIRouter:
+    """Give who asks, login and logout."""
+    router = APIRouter(prefix="/api/v1", tags=["people"], route_class=Bounded)
+    one_at_a_time = asyncio.Semaphore(1)  # hashing takes memory and a core
+
+    @router.get("/me", response_model=MeShape, responses=_refusals(401))
+    async def me(person: Annotated[Person, _person(guard, Role.VIEW)]) -> Response:
+        """Tell who asks, and the token that goes with every deed."""
+        told = {"name": person.name, "role": person.role.name.lower(), "token": person.token}
+        return JSONResponse({**told, "actions": person.actions(), "can_log_out": guard.asks_login})
+
+    @router.post(
+        "/login",
+        response_model=DoneShape,
+        responses=_refusals(400, 401, 403, 413, 415, 422, 429),
+        dependencies=[Depends(_check_json)],
+    )
+    async def login(request: Request, body: LoginShape) -> Response:
+        """Begin a session; it is in the cookie of the answer."""
+        address = request.client.host if request.client else ""
+        try:
+            async with one_at_a_time:
+                session = await asyncio.to_thread(guard.login, body.name, body.password, address)
+        except TooManyTriesError as error:
+            raise HTTPException(429, str(error), {"retry-after": f"{error.seconds:.0f}"}) from None
+        if session is None:
+            _LOG.warning("login of %r from %s failed", body.name, address)
+            raise HTTPException(401, "Name and password do not belong together.", {"www-authenticate": "Session"})
+        answer = JSONResponse({"ok": True})
+        is_secure = request.url.scheme == "https"
+        answer.set_cookie(COOKIE, session, httponly=True, samesite="strict", secure=is_secure, path="/")
+        return answer
+
+    @router.post("/logout", response_model=DoneShape, responses=_refusals(401, 403, 413))
+    async def logout(
+        person: Annotated[Person, _person(guard, Role.VIEW)],
+        cookie: Annotated[str | None, Depends(_cookie)],
+        token: Annotated[str | None, Depends(_header)],
+    ) -> Response:
+        """End the session."""
+        _check_token(person, token)
+        guard.logout(cookie)
+        answer = JSONResponse({"ok": True})
+        answer.delete_cookie(COOKIE, path="/", httponly=True, samesite="strict")
+        return answer
+
+    return router
+
+
+def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
+    """Give what there is to see."""
+    router = APIRouter(tags=["views"], route_class=Bounded)
+    viewer = _person(guard, Role.VIEW)
+    seen = _refusals(401, 403)
+    seen_of_one = _refusals(401, 403, 404, 422)
+
+    @router.get("/health", response_model=HealthShape, responses={503: {"model": HealthShape}})
+    async def health() -> Response:
+        """Tell whether the service is well; 503 where it is not."""
+        told = dict(face.health())
+        return JSONResponse(told, 200 if told.get("ok") else 503)
+
+    @router.get("/api/v1/site", response_model=SiteShape, responses=seen, dependencies=[viewer])
+    async def site() -> Response:
+        """Tell of all assets, each in a line."""
+        return JSONResponse(face.site())
+
+    @router.get("/api/v1/assets/{asset}", response_model=AssetShape, responses=seen_of_one, dependencies=[viewer])
+    async def one(asset: AssetName) -> Response:
+        """Tell all of an asset: verdict, candidates, journal."""
+        return JSONResponse(_known(face.asset, asset))
+
+    @router.get(
+        "/api/v1/assets/{asset}/curves", response_model=CurvesShape, responses=seen_of_one, dependencies=[viewer]
+    )
+    async def curves(
+        request: Request,
+        asset: AssetName,
+        begin: ClockTime = None,
+        end: ClockTime = None,
+        most: Annotated[int, Query(ge=2, le=MOST_POINTS)] = 1200,
+    ) -> Response:
+        """Give curves of a period, the newest where none is given; of at most so many points, with all peaks."""
+        if begin is not None and end is not None and begin > end:
+            raise HTTPException(422, "begin: it is behind the end.")
+        return _packed(request, JSONResponse(_known(face.curves, asset, begin, end, most)))
+
+    @router.get(
+        "/api/v1/assets/{asset}/report", response_class=HTMLResponse, responses=seen_of_one, dependencies=[viewer]
+    )
+    async def report(asset: AssetName) -> Response:
+        """Give the report of what an asset saw lately, a page in one file."""
+        return HTMLResponse(_known(face.report, asset), headers={"content-security-policy": REPORT_POLICY})
+
+    @router.get(
+        "/api/v1/events", response_class=EventStream, status_code=200, responses=_refusals(401, 403, 404, 422, 503)
+    )
+    async def events(
+        person: Annotated[Person, viewer],
+        cookie: Annotated[str | None, Depends(_cookie)],
+        asset: Annotated[str | None, Query(max_length=200, description="All of this one; of others summaries")] = None,
+    ) -> Response:
+        """Tell what is so now and what happens: events `site`, `asset`, `summary`, `samples`, `alive`."""
+        try:
+            admitted = _known(broadcast.admit, asset)
+        except BusyError as error:
+            raise HTTPException(503, str(error), {"retry-after": "10"}) from None
+        return EventStream(broadcast, admitted, lambda: guard.who(cookie) is not None)
+
+    return router
+
+
+def _packed(request: Request, answer: Response) -> Response:
+    """Give an answer by gzip where that is taken; only one without secrets, since its size tells of what is in it."""
+    answer.headers["vary"] = "accept-encoding"
+    if "gzip" in request.headers.get("accept-encoding", ""):
+        answer.body = gzip.compress(bytes(answer.body), 4)
+        answer.headers["content-encoding"] = "gzip"
+        answer.headers["content-length"] = str(len(answer.body))
+    return answer
+
+
+def _known(ask: Any, asset: str | None, *arguments: object) -> Any:
+    """Ask for something of an asset."""
+    try:
+        return ask(asset, *arguments)
+    except KeyError:
+        raise HTTPException(404, f"There is no asset {asset!r}.") from None
+    except StoreError as error:
+        raise HTTPException(503, str(error)) from None
+
+
+def _deeds(face: Face, guard: Guard) -> APIRouter:
+    """Give what people may do."""
+    router = APIRouter(tags=["deeds"], route_class=Bounded)
+
+    @router.post(
+        "/api/v1/assets/{asset}/deeds",
+        status_code=201,
+        response_model=EntryShape,
+        responses=_refusals(400, 401, 403, 404, 409, 413, 415, 422, 503),
+        dependencies=[Depends(_check_json)],
+    )
+    async def do(
+        asset: AssetName,
+        body: DeedShape,
+        person: Annotated[Person, _person(guard, Role.OPERATE)],
+        token: Annotated[str | None, Depends(_header)],
+    ) -> Response:
+        """Do something about an asset; what comes back is the entry of the journal, and is on the disk."""
+        _check_token(person, token)
+        role = _needed(face, asset, body)
+        if person.role < role:
+            raise HTTPException(403, f"{person.name} may not do this: it takes the role {role.name.lower()}.")
+        wanted = Wanted(
+            asset=asset,
+            action=body.action,
+            who=person.name,
+            comment=body.comment.strip(),
+            target=tuple(body.target),
+            minutes=body.minutes,
+            undone=body.undone,
+        )
+        return JSONResponse(await _done(face, wanted), 201)
+
+    return router
+
+
+def _needed(face: Face, asset: str, deed: DeedShape) -> Role:
+    """Give the role that a deed takes; to take one back takes that of the deed, and of an old one the highest."""
+    if deed.action is not Action.UNDO:
+        return needed(deed.action)
+    journal = _known(face.asset, asset)["journal"]
+    taken_back = [entry["action"] for entry in journal if entry["number"] == deed.undone]
+    return needed(Action(taken_back[0])) if taken_back else Role.ENGINEER
+
+
+async def _done(face: Face, wanted: Wanted) -> Shown:
+    try:
+        return await face.do(wanted)
+    except KeyError:
+        raise HTTPException(404, f"There is no asset {wanted.asset!r}.") from None
+    except StoreError as error:
+        raise HTTPException(503, str(error)) from None
+    except FaultbondError as error:
+        raise HTTPException(409, str(error)) from None

@@ -1,0 +1,249 @@
+"""The answers of the interface and what is sent to it, as the description of it shows them.
+
+Answers come from the service as plain objects in these shapes and go out as they are; tests hold the two together.
+Later versions add keys.
+"""
+
+import unicodedata
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from faultbond.service.messages import DECISIONS, Action, Ne107
+
+Finite = float | None  # null where a value is missing or not finite
+Finites = list[Finite]
+StatusWord = Literal["NORMAL", "FAILURE", "CHECK_FUNCTION", "OFF_SPEC", "MAINTENANCE_REQUIRED"]
+MonitoringWord = Literal["initialising", "running", "no data", "stopped"]
+LONGEST_TEXT = 2000
+MOST_TARGETS = 100
+LONGEST_SHELVING = 7 * 24 * 60.0  # min
+
+
+def _readable(text: str) -> str:
+    """Refuse what no store keeps and no person reads: control characters, and halves of characters."""
+    if any(unicodedata.category(letter) in {"Cc", "Cs"} and letter not in "\n\t" for letter in text):
+        raise ValueError("it has control characters")
+    return text
+
+
+Readable = Annotated[str, AfterValidator(_readable)]
+
+
+class Shape(BaseModel):
+    """What all shapes have in common: later versions may add keys to an answer."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+class RefusalShape(Shape):
+    """What every 4xx and 5xx says. error: a sentence for the person."""
+
+    ok: Literal[False]
+    error: str
+    status: int
+
+
+class MeShape(Shape):
+    """Who asks. token: to be sent with every POST as `X-Faultbond-Token`. actions: those that the role allows."""
+
+    name: str
+    role: Literal["view", "operate", "engineer"]
+    token: str
+    actions: list[str]
+    can_log_out: bool
+
+
+class LoginShape(BaseModel):
+    """Name and password."""
+
+    model_config = ConfigDict(extra="forbid")
+    name: Readable = Field(max_length=200)
+    password: str = Field(max_length=1000)
+
+
+class DoneShape(Shape):
+    """That something was done of which there is no more to say."""
+
+    ok: Literal[True]
+
+
+class HealthShape(Shape):
+    """Whether the service is well; of its parts, whether each runs, and since when it does not (Unix s)."""
+
+    ok: bool
+
+
+class AlarmShape(Shape):
+    """An alarm. since, shelved_until: Unix s. time, change_time: when raised, and onset, clock of the samples."""
+
+    state: str
+    since: float
+    acknowledged_by: str | None = None
+    shelved_until: Finite = None
+    signals: list[str] = []
+    time: Finite = None
+    change_time: Finite = None
+
+
+class BestShape(Shape):
+    """The likeliest explanation."""
+
+    names: list[str]
+    probability: float
+
+
+class SummaryShape(Shape):
+    """An asset in a line. status: by NAMUR NE 107, status_code its number. since: of the status, Unix s."""
+
+    name: str
+    model: str
+    status: StatusWord
+    status_code: Annotated[int, Field(ge=min(Ne107), le=max(Ne107))]
+    monitoring: MonitoringWord
+    headline: str
+    since: float
+    time: Finite
+    samples: int
+    operation: str
+    alarm: AlarmShape | None
+    best: BestShape | None
+
+
+class SiteShape(Shape):
+    """All that is watched. now: Unix s."""
+
+    name: str
+    version: str
+    now: float
+    source: str
+    assets: list[SummaryShape]
+
+
+class SignalShape(Shape):
+    """A signal of an asset."""
+
+    name: str
+    role: Literal["sensor", "input"]
+    unit: str
+    in_use: bool
+
+
+class SuspectShape(Shape):
+    """A suspect of a candidate; texts with units of the model file."""
+
+    name: str
+    component: str
+    nominal: str
+    estimate: str
+    sd: str
+    change: str
+
+
+class CandidateShape(Shape):
+    """A candidate. group: it is the best, or cannot be told from it."""
+
+    suspects: list[SuspectShape]
+    kinds: list[str]
+    probability: float
+    percent: str
+    group: bool
+
+
+class CheckShape(Shape):
+    """What to do next, and why."""
+
+    what: str
+    why: str
+
+
+class EventShape(Shape):
+    """What happened, in a sentence. alarm: it is one."""
+
+    text: str
+    alarm: bool
+
+
+class RankingShape(Shape):
+    """Probability of the candidates over time: for each name a list as long as `time`."""
+
+    time: list[float]
+    names: list[str]
+    probability: list[Finites]
+
+
+class EntryShape(Shape):
+    """An entry of the journal. at: Unix s. undone_by: number of the deed that took it back."""
+
+    number: int
+    at: float
+    who: str
+    action: str
+    comment: str
+    target: list[str]
+    undone_by: int | None
+
+
+class AssetShape(Shape):
+    """All that is known of an asset. drawing: SVG. suspicion: probability by component. may: what makes sense."""
+
+    summary: SummaryShape
+    drawing: str
+    suspicion: dict[str, float]
+    signals: list[SignalShape]
+    cusum_limit: float
+    verdict: list[str]
+    rows: list[CandidateShape]
+    several: bool
+    checks: list[CheckShape]
+    notes: list[str]
+    events: list[EventShape]
+    ranking: RankingShape
+    counts: dict[str, int]
+    journal: list[EntryShape]
+    may: list[str]
+
+
+class CurvesShape(Shape):
+    """What is drawn over time; by signal, in its unit."""
+
+    time: list[float]
+    inputs: dict[str, Finites]
+    measured: dict[str, Finites]
+    expected: dict[str, Finites]
+    sd: dict[str, Finites]
+    cusum: dict[str, Finites]
+
+
+class DeedShape(BaseModel):
+    """What a person does.
+
+    target: names of the suspects of a candidate, of accept, reject and repaired. minutes: how long to shelve, needed
+    there. undone: number of the deed to take back, needed by undo.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+    action: Action
+    comment: Readable = Field(default="", max_length=LONGEST_TEXT)
+    target: list[Annotated[Readable, Field(max_length=200)]] = Field(default=[], max_length=MOST_TARGETS)
+    minutes: float | None = Field(default=None, gt=0, le=LONGEST_SHELVING, allow_inf_nan=False)
+    undone: int | None = Field(default=None, ge=1, le=2**53)
+
+    @model_validator(mode="after")
+    def complete(self) -> Self:
+        """Refuse a deed that lacks what it needs, and one with more than that.
+
+        Raises
+        ------
+        ValueError
+            Where it is one of these.
+        """
+        needs = {
+            "minutes": (self.minutes is not None, self.action is Action.SHELVE),
+            "target": (bool(self.target), self.action in DECISIONS),
+            "undone": (self.undone is not None, self.action is Action.UNDO),
+        }
+        for name, (is_there, is_needed) in needs.items():
+            if is_there != is_needed:
+                raise ValueError(f"{self.action.value} {'needs' if is_needed else 'takes no'} `{name}`")
+        return self

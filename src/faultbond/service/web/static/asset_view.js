@@ -1,0 +1,183 @@
+// One asset: what is wrong, what to do about it, how it came, and who did what.
+
+import { reportPath } from "./connection.js";
+import { ACTIONS, askFor, titleOf } from "./deeds.js";
+import { alarmMark, capital, conditionOf, countText, make, momentText, renew, symbol } from "./elements.js";
+import { Picture } from "./picture.js";
+import { Chances, Trends } from "./trends.js";
+
+const SHOWN = 8;        // candidates that are listed; more on demand
+const NEGLIGIBLE = 0.001;
+const ENTRIES = 12;     // of the journal
+const COUNTS = { missing: "missing", late: "late", duplicate: "twice", dropped: "dropped", bad: "of bad quality", uncertain: "of uncertain quality" };
+const ORDER = ["acknowledge", "shelve", "unshelve", "unsuppress", "in service", "accept", "reject", "repaired", "suppress", "out of service"];
+
+const panel = (name, title, ...content) =>
+  make("section", { class: `panel ${name}`, "aria-labelledby": `of-${name}` }, make("h2", { id: `of-${name}` }, title), ...content);
+
+export class AssetView {
+  constructor(place, name, { tell }) {
+    Object.assign(this, { name, tell, asset: null, entries: ENTRIES, candidates: SHOWN });
+    const part = (key, kind = "div") => (this[key] = make(kind, { class: key }));
+    this.head = make("section", { class: "verdict", "aria-labelledby": "asset-title" },
+      part("title"), part("sentences"), part("facts", "dl"), part("buttons"));
+    this.facts.className = "facts";
+    this.group = make("p", { class: "hint group-hint" });
+    this.list = make("ol", { class: "candidates" });
+    this.more = make("button", { type: "button", class: "more", hidden: true, on: { click: () => { this.candidates = Infinity; this.showCandidates(); } } }, "Show all");
+    this.advice = make("div", { class: "advice" });
+    this.chancePlace = make("div");
+    this.chancePanel = panel("chance-plot", "Probability over time", this.chancePlace);
+    this.drawing = make("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Drawing of the plant" });
+    this.quality = make("dl", { class: "quality" });
+    this.signals = make("ul", { class: "signals" });
+    this.notes = make("ul", { class: "notes" });
+    this.journal = make("ol", { class: "journal" });
+    this.older = make("button", { type: "button", class: "more", hidden: true, on: { click: () => { this.entries = Infinity; this.showJournal(); } } }, "Show older entries");
+    this.trendPlace = make("div");
+    this.explanations = panel("explanations", "What may be at fault", this.group, this.list, this.more, this.advice);
+    place.replaceChildren(
+      this.head,
+      make("div", { class: "pair" }, this.explanations, make("div", { class: "stack" }, panel("plant-drawing", "Plant", this.drawing), this.chancePanel)),
+      panel("trends", "Measured and expected", this.trendPlace),
+      make("div", { class: "pair" },
+        panel("journal-panel", "Journal", this.journal, this.older),
+        panel("quality-panel", "Data", this.quality, this.signals, this.notes)),
+    );
+    this.picture = new Picture(this.drawing);
+    this.trends = new Trends(this.trendPlace, name, tell);
+    this.chances = new Chances(this.chancePlace);
+  }
+
+  stop() {
+    this.trends.stop();
+    this.chances.stop();
+  }
+
+  // All of the asset is known anew.
+  learn(asset, state) {
+    this.asset = asset;
+    this.show(state);
+    this.trends.learn(asset);
+    this.showCandidates();
+    this.picture.show(asset.drawing, asset.suspicion);
+    this.showData();
+    this.showJournal();
+  }
+
+  // The summary, the person or the connection is another.
+  show(state) {
+    this.state = state;
+    const { asset } = this;
+    if (!asset) return;
+    asset.summary = state.assets.get(this.name) ?? asset.summary;
+    const condition = conditionOf(asset.summary, state.isLost);
+    this.head.className = `verdict ${condition.key}`;
+    this.trends.lose(state.isLost ? state.lostAt : null);
+    this.showHead(asset, condition);
+    this.showButtons(asset, state);
+  }
+
+  showHead({ summary, verdict, events }, condition) {
+    const { alarm, monitoring, operation, time, samples, since } = summary;
+    renew(this.title, { condition, alarm, model: summary.model }, () => [
+      make("h1", { id: "asset-title" }, this.name, make("span", { class: "model" }, summary.model)),
+      make("p", { class: `condition ${condition.key}` }, symbol(condition), make("b", {}, condition.word), make("span", { class: "moment" }, `since ${momentText(since)}`), alarmMark(alarm)),
+    ]);
+    renew(this.sentences, { verdict, last: events }, () => verdict.map((text, k) => make("p", { class: k ? "" : "first" }, text)));
+    const facts = [];
+    if (alarm) {
+      facts.push(["Alarm", clockText(Math.round(alarm.since))]);
+      if (alarm.change_time != null) facts.push(["Estimated onset", clockText(Math.round(alarm.change_time))]);
+      if (alarm.signals.length) facts.push(["Seen in", joined(alarm.signals)]);
+    }
+    facts.push(["Watching", monitoring === "running" ? operation : monitoring], ["Last sample", momentText(time)], ["Samples", countText(samples)]);
+    renew(this.facts, facts, () => facts.map(([label, text]) => make("div", {}, make("dt", {}, label), make("dd", {}, text))));
+  }
+
+  showButtons(asset, { me, isLost }) {
+    const offered = ORDER.filter((action) => asset.may.includes(action) && me.actions.includes(action));
+    const isHeld = isLost;
+    renew(this.buttons, { offered, isHeld }, () => [false, true].map((isDecision) => {
+      const some = offered.filter((action) => Boolean(ACTIONS[action].isDecision) === isDecision);
+      return some.length ? make("div", { class: "button-group", role: "group", "aria-label": isDecision ? "About the diagnosis" : "About the alarm" },
+        make("span", { class: "of" }, isDecision ? "Diagnosis" : "Alarm"),
+        some.map((action) => this.button(action, isHeld))) : null;
+    }).concat(make("a", { class: "report", href: reportPath(this.name), target: "_blank", rel: "noopener" }, "Report")));
+  }
+
+  button(action, isHeld, entry = null) {
+    const open = () => askFor(action, this.asset, { entry, done: (kept) => this.tell(`Kept as entry ${kept.number}: ${kept.action}, ${this.name}.`) });
+    return make("button", { type: "button", "data-action": action, disabled: isHeld, class: action === "acknowledge" ? "main" : null, on: { click: open } },
+      entry ? "Undo" : `${ACTIONS[action].label}${ACTIONS[action].isDecision || action === "shelve" ? "…" : ""}`);
+  }
+
+  showCandidates() {
+    const { rows, several, checks, ranking, summary } = this.asset;
+    const worth = rows.filter((row, k) => k < this.candidates && (k < 3 || row.group || row.probability >= NEGLIGIBLE || this.candidates > SHOWN));
+    this.group.textContent = !rows.length ? nothingText(summary) : several
+      ? `${capital(countWord(rows.filter((row) => row.group).length))} explanations, marked ●, cannot be told apart yet.`
+      : "The best explanation stands apart from the others.";
+    renew(this.list, { worth, several }, () => worth.map((row) => rowOf(row, several)));
+    this.more.hidden = worth.length === rows.length;
+    this.more.textContent = `Show all ${rows.length}`;
+    renew(this.advice, checks, () => checks.length ? [
+      make("h3", {}, "What would tell them apart"),
+      make("ol", {}, checks.map(({ what, why }) => make("li", {}, make("b", {}, what), why ? `: ${why}` : ""))),
+    ] : []);
+    this.chancePanel.hidden = !ranking.time.length;
+    this.explanations.classList.toggle("is-empty-panel", !rows.length);
+    if (ranking.time.length) this.chances.show(ranking);
+  }
+
+  showData() {
+    const { counts, signals, notes } = this.asset;
+    renew(this.quality, counts, () => Object.entries(counts).map(([name, number]) =>
+      make("div", { class: number ? "is-some" : "" }, make("dt", {}, COUNTS[name] ?? name), make("dd", {}, countText(number)))));
+    const unused = signals.filter((item) => !item.in_use);
+    renew(this.signals, signals, () => [
+      make("li", {}, `${signals.length - unused.length} of ${signals.length} signals in use`),
+      ...unused.map((item) => make("li", { class: "is-unused" }, `${item.name} is not used now`)),
+    ]);
+    renew(this.notes, notes, () => notes.map((text) => make("li", {}, text)));
+  }
+
+  showJournal() {
+    const { journal, may } = this.asset, isHeld = this.state.isLost;
+    const mayUndo = may.includes("undo") && this.state.me.actions.includes("undo");
+    const shown = journal.slice(0, this.entries);
+    renew(this.journal, { shown, mayUndo, isHeld }, () => {
+      if (!journal.length) return make("li", { class: "hint" }, "Nobody has done anything yet.");
+      return shown.map((entry) => entryOf(entry, mayUndo && !entry.undone_by && entry.action !== "undo" ? this.button("undo", isHeld, entry) : null));
+    });
+    this.older.hidden = shown.length === journal.length;
+  }
+}
+
+const nothingText = ({ monitoring, operation }) =>
+  monitoring === "running" ? (operation === "alarms on" ? "No alarm is open." : `Nothing is judged now: ${operation}.`) : `Nothing is judged now: ${monitoring}.`;
+const countWord = (number) => ["no", "one", "two", "three", "four", "five", "six"][number] ?? String(number);
+
+function rowOf(row, several) {
+  const fill = make("i");
+  fill.style.width = `${(100 * row.probability).toFixed(1)}%`;
+  return make("li", { class: row.group ? "group" : "" },
+    make("div", { class: "line" },
+      make("span", { class: "mark" }, several && row.group ? "●" : ""), make("span", { class: "name" }, titleOf(row)),
+      make("span", { class: "kind" }, row.kinds.join(", ")), make("b", {}, `${row.percent}${NO_BREAK}%`)),
+    make("span", { class: "bar" }, fill),
+    row.suspects.map((item) => make("p", { class: "values" },
+      make("span", { class: "parameter" }, item.name),
+      make("span", { class: "estimate" }, item.nominal ? make("span", { class: "nominal" }, `${item.nominal} → `) : null, item.estimate, item.sd ? ` ± ${item.sd}` : ""),
+      make("span", { class: "change" }, item.change))));
+}
+
+function entryOf(entry, undo) {
+  const target = entry.target.length ? ` ${entry.target.join(", ")}` : "";
+  return make("li", { class: entry.undone_by ? "is-undone" : "" },
+    make("span", { class: "number" }, String(entry.number)),
+    make("span", { class: "moment" }, momentText(entry.at)),
+    make("span", { class: "deed" }, make("b", {}, entry.who), ` ${ACTIONS[entry.action]?.past ?? entry.action}${target}`,
+      entry.undone_by ? ` (undone by ${entry.undone_by})` : "", entry.comment ? make("q", {}, entry.comment) : null),
+    undo);
+}

@@ -1,0 +1,316 @@
+// Plots over time: of what comes in, or of a period of the past.
+
+import { curves } from "./connection.js";
+import { make, renew } from "./elements.js";
+
+const MOST = 1200;     // points that are asked for; more than twice as many are asked for anew, coarser
+const LENGTHS = [[60, "1 min"], [300, "5 min"], [900, "15 min"], [3600, "1 h"], [8 * 3600, "8 h"], [86400, "24 h"], [7 * 86400, "7 d"]];
+const USUAL = 900;
+const SHORTEST = 1;    // s that a period has at least
+const COLOURS = 7;
+const LEADING = 6;     // candidates with a line of their own
+const GAP = 8;         // times the usual step between samples, beyond which a line is broken
+
+const GROUPS = ["inputs", "measured", "expected", "sd", "cusum"];
+const emptyData = () => ({ time: [], inputs: {}, measured: {}, expected: {}, sd: {}, cusum: {} });
+
+export class Trends {
+  constructor(place, asset, tell) {
+    Object.assign(this, { place, asset, tell, data: emptyData(), period: null, length: USUAL, cursor: null, charts: [], signals: null, lostSince: null });
+    this.wanted = 0;
+    this.build();
+    this.redraw = () => this.later();
+    addEventListener("resize", this.redraw);
+    this.dark = matchMedia("(prefers-color-scheme: dark)");
+    this.repaint = () => { paints.clear(); this.later(); };
+    this.dark.addEventListener("change", this.repaint);
+    paints.clear();
+  }
+
+  stop() {
+    removeEventListener("resize", this.redraw);
+    this.dark.removeEventListener("change", this.repaint);
+    this.asking?.abort();
+    cancelAnimationFrame(this.wanted);
+  }
+
+  // ---- the tools
+
+  build() {
+    const press = (label, hint, act) => make("button", { type: "button", title: hint, on: { click: act } }, label);
+    this.choice = make("select", { on: { change: () => this.follow(Number(this.choice.value)) } },
+      LENGTHS.map(([seconds, label]) => make("option", { value: String(seconds), selected: seconds === USUAL }, label)));
+    this.live = press("Back to now", "Follow what comes in", () => this.follow(this.length));
+    this.range = make("p", { class: "range" });
+    this.areas = make("div", { class: "charts", role: "group", "aria-label": "Plots; arrows move the period, plus and minus change its length, Home goes back to now", tabIndex: 0, on: { keydown: (event) => this.press(event) } });
+    this.tools = make("div", { class: "tools" },
+      make("label", {}, make("span", {}, "Last"), this.choice),
+      make("div", { class: "buttons" },
+        press("Earlier", "Move the period back by half of it", () => this.move(-0.5)), press("Later", "Move the period on by half of it", () => this.move(0.5)),
+        press("Closer", "Halve the period", () => this.scale(0.5)), press("Wider", "Double the period", () => this.scale(2)), this.live),
+      this.range);
+    this.place.replaceChildren(this.tools, this.areas);
+  }
+
+  press(event) {
+    const acts = { ArrowLeft: () => this.move(-0.5), ArrowRight: () => this.move(0.5), "+": () => this.scale(0.5), "=": () => this.scale(0.5), "-": () => this.scale(2), Home: () => this.follow(this.length) };
+    if (event.target !== this.areas || !acts[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    acts[event.key]();
+  }
+
+  window() {
+    if (this.period) return this.period;
+    const last = this.data.time.length ? this.data.time[this.data.time.length - 1] : (this.newest ?? 0);
+    return [last - this.length, last];
+  }
+
+  move(share) {
+    const [begin, end] = this.window(), by = share * (end - begin);
+    if (!this.period && share > 0) return;
+    if (this.newest != null && end + by >= this.newest) return this.follow(this.length);
+    this.look(begin + by, end + by);
+  }
+
+  scale(factor) {
+    const [begin, end] = this.window(), length = Math.max(SHORTEST, factor * (end - begin));
+    if (!this.period) return this.follow(length);
+    this.look((begin + end - length) / 2, Math.min((begin + end + length) / 2, this.newest ?? Infinity));
+  }
+
+  // Follow what comes in, over a length of time.
+  follow(length) {
+    this.length = length;
+    this.period = null;
+    const known = LENGTHS.find(([seconds]) => seconds === length);
+    this.choice.value = known ? String(length) : "";
+    return this.ask(this.newest == null ? null : this.newest - length, null);
+  }
+
+  // Look at a period of the past.
+  look(begin, end) {
+    this.period = [begin, end];
+    return this.ask(begin, end);
+  }
+
+  async ask(begin, end) {
+    this.asking?.abort();
+    const asking = this.asking = new AbortController();
+    this.coming = []; // samples that come meanwhile
+    try {
+      const told = await curves(this.asset, { begin, end, most: MOST }, asking.signal);
+      if (this.asking !== asking) return;
+      for (const group of GROUPS) for (const [name, line] of Object.entries(told[group])) told[group][name] = line.map((value) => value ?? NaN);
+      this.data = told;
+      this.usual = stepOf(told.time);
+      if (!this.period) for (const points of this.coming) this.append(points);
+      this.asking = null;
+    } catch (error) {
+      if (asking.signal.aborted) return;
+      this.asking = null;
+      this.tell(error.message);
+    }
+    this.later();
+  }
+
+  // ---- data
+
+  heard(points) {
+    const last = points.time[points.time.length - 1];
+    if (last != null) this.newest = last;
+    if (this.asking) this.coming.push(points);
+    if (this.period) return;
+    if (!this.asking) this.append(points);
+    if (this.data.time.length > 2 * MOST && !this.asking) this.follow(this.length);
+    this.later();
+  }
+
+  append(points) {
+    const { data } = this;
+    const known = data.time.length ? data.time[data.time.length - 1] : -Infinity;
+    points.time.forEach((time, k) => {
+      if (time <= known) return;
+      if (this.usual && time - (data.time[data.time.length - 1] ?? time) > GAP * this.usual) this.addRow(time - this.usual / 2, () => NaN);
+      this.addRow(time, (group, name) => points[group]?.[name]?.[k] ?? NaN);
+    });
+    this.usual ||= stepOf(data.time);
+    this.forget();
+  }
+
+  addRow(time, value) {
+    const { data } = this;
+    const length = data.time.push(time);
+    for (const group of GROUPS) {
+      for (const name of this.names(group)) {
+        const line = data[group][name] ??= [];
+        while (line.length < length - 1) line.push(NaN);
+        line.push(value(group, name));
+      }
+    }
+  }
+
+  names(group) {
+    return (this.signals ?? []).filter((item) => (item.role === "input") === (group === "inputs")).map((item) => item.name);
+  }
+
+  // Drop what has left the plot on the left.
+  forget() {
+    const { data } = this, begin = this.window()[0];
+    let gone = 0;
+    while (gone < data.time.length && data.time[gone] < begin) gone++;
+    if (gone < 50) return;
+    data.time.splice(0, gone);
+    for (const group of GROUPS) for (const line of Object.values(data[group])) line.splice(0, gone);
+  }
+
+  // ---- what is drawn
+
+  // Learn of the asset; the first time it makes the plots.
+  learn(asset) {
+    const { signals, cusum_limit: limit, summary, ranking } = asset;
+    this.isWatched = summary.monitoring === "running" || summary.monitoring === "initialising";
+    if (summary.time != null) this.newest = Math.max(this.newest ?? -Infinity, summary.time);
+    const { alarm } = summary;
+    this.marks = alarm ? [{ time: alarm.change_time, label: "onset" }, { time: alarm.time, label: "alarm" }].filter(({ time }) => isNumber(time)) : [];
+    this.limit = limit;
+    if (renew(this.areas, signals.map(({ name, role, unit }) => [name, role, unit]), () => this.plots(signals))) this.follow(this.length);
+    this.later();
+    return ranking;
+  }
+
+  plots(signals) {
+    this.signals = signals;
+    this.charts = [];
+    const place = document.createDocumentFragment();
+    const of = (group, name) => () => this.data[group][name] ?? [];
+    const add = (options) => { this.charts.push(new Chart(place, options)); };
+    const sensors = signals.filter((item) => item.role === "sensor"), inputs = signals.filter((item) => item.role === "input");
+    for (const { name, unit } of sensors) {
+      add({ title: name, unit, lines: [
+        { label: "measured", color: "measured", width: 1, values: of("measured", name) },
+        { label: "expected ± 2 sd", color: "expected", width: 1.6, values: of("expected", name), sd: of("sd", name) },
+      ] });
+    }
+    add({ title: "detector", unit: "share of its limit", level: 1, lowest: 0,
+      lines: sensors.map(({ name }, k) => ({ label: name, color: `line${k % COLOURS}`, width: 1.3, values: () => (this.data.cusum[name] ?? []).map((value) => value / this.limit) })) });
+    for (const unit of new Set(inputs.map((item) => item.unit))) {
+      const same = inputs.filter((item) => item.unit === unit);
+      add({ title: same.length > 1 ? "inputs" : same[0].name, unit, lines: same.map(({ name }, k) => ({ label: name, color: `line${k % COLOURS}`, stepped: true, values: of("inputs", name) })) });
+    }
+    this.charts.forEach((chart) => this.listen(chart));
+    return [...place.childNodes];
+  }
+
+  // A pointer shows values; dragging it chooses a period, a double click goes back to now.
+  listen(chart) {
+    const { canvas } = chart;
+    const timeAt = (event) => {
+      const { left, right } = chart.area, [begin, end] = this.window();
+      return begin + Math.min(Math.max((event.offsetX - left) / (right - left), 0), 1) * (end - begin);
+    };
+    canvas.addEventListener("pointerdown", (event) => {
+      if (!chart.area || event.button || event.pointerType === "touch") return;
+      this.dragged = { chart, from: timeAt(event) };
+      canvas.setPointerCapture(event.pointerId);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      if (!chart.area) return;
+      this.cursor = timeAt(event);
+      this.later();
+    });
+    canvas.addEventListener("pointerup", (event) => {
+      if (!this.dragged) return;
+      const [from, to] = [this.dragged.from, timeAt(event)].sort((one, other) => one - other), [begin, end] = this.window();
+      this.dragged = null;
+      if (to - from > 0.01 * (end - begin)) this.look(from, Math.max(to, from + SHORTEST));
+      this.later();
+    });
+    canvas.addEventListener("pointercancel", () => { this.dragged = null; this.later(); });
+    canvas.addEventListener("pointerleave", () => { this.cursor = null; this.later(); });
+    canvas.addEventListener("dblclick", () => this.follow(this.length));
+  }
+
+  later() {
+    if (!this.wanted) this.wanted = requestAnimationFrame(() => { this.wanted = 0; this.draw(); });
+  }
+
+  draw() {
+    const { data, period } = this, [begin, end] = this.window(), count = data.time.length;
+    const marks = [...(this.marks ?? [])];
+    if (this.lostAt != null && !period) marks.push({ time: end, label: "lost" });
+    const view = { known: count, shown: count, begin, end: Math.max(end, begin + 1e-9), times: data.time, marks, cursor: this.cursor, isClock: isUnix(end) };
+    const told = this.cursor == null ? count - 1 : placeOf(data.time, this.cursor);
+    for (const chart of this.charts) {
+      chart.forget();
+      chart.shade = this.dragged ? [this.dragged.from, this.cursor ?? this.dragged.from].sort((one, other) => one - other) : null;
+      chart.draw(view);
+      chart.tell(told);
+    }
+    this.live.disabled = !period;
+    const state = period ? "Past" : this.lostAt != null || !this.isWatched ? "Last known" : "Now";
+    const text = count ? `${state}: ${clockText(Math.round(begin))} to ${clockText(Math.round(end))}` : "No samples in this period";
+    if (this.range.textContent !== text) this.range.textContent = text;
+    this.range.classList.toggle("is-past", Boolean(period));
+  }
+
+  // While the service is lost, nothing here is called `now`.
+  lose(at) {
+    this.lostAt = at;
+    this.later();
+  }
+}
+
+// The usual step between samples.
+function stepOf(times) {
+  if (times.length < 3) return 0;
+  const steps = times.slice(1).map((time, k) => time - times[k]).sort((one, other) => one - other);
+  return steps[steps.length >> 1];
+}
+
+// The place of the last time that is not later.
+function placeOf(times, time) {
+  let low = 0, high = times.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= time) low = middle + 1;
+    else high = middle;
+  }
+  return low - 1;
+}
+
+// The probability of the candidates over time.
+export class Chances {
+  constructor(place) {
+    this.chart = new Chart(place, { title: "probability", unit: "%", lowest: 0, highest: 100, isBestFirst: true, lines: [] });
+    this.redraw = () => this.draw();
+    addEventListener("resize", this.redraw);
+    this.dark = matchMedia("(prefers-color-scheme: dark)");
+    this.dark.addEventListener("change", this.redraw);
+  }
+
+  stop() {
+    removeEventListener("resize", this.redraw);
+    this.dark.removeEventListener("change", this.redraw);
+  }
+
+  show({ time, names, probability }, marks) {
+    this.times = time;
+    this.marks = marks;
+    const percent = (line) => line.map((value) => 100 * (value ?? NaN));
+    const lineOf = (label, color, values, width) => ({ label, color, width, times: () => time, values: () => values, count: () => time.length });
+    const lines = names.slice(0, LEADING).map((name, k) => lineOf(name, `line${k % COLOURS}`, percent(probability[k]), 2));
+    const rest = time.map((_, k) => 100 * Math.max(0, 1 - probability.slice(0, LEADING).reduce((sum, line) => sum + (line[k] ?? 0), 0)));
+    if (rest.some((value) => value > 0.5)) lines.push(lineOf("all others", "rest", rest, 1.3));
+    this.chart.name(lines);
+    this.draw();
+  }
+
+  draw() {
+    paints.clear();
+    const { times } = this;
+    if (!times?.length) return;
+    const [begin, end] = [times[0], Math.max(times[times.length - 1], times[0] + 1)];
+    this.chart.draw({ known: times.length, shown: times.length, begin, end, times, marks: [], cursor: null, isClock: isUnix(end) });
+    this.chart.tell(times.length - 1);
+  }
+}

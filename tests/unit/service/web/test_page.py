@@ -1,0 +1,450 @@
+"""The operator's page in a browser without a window: what it shows, what people do on it, and when it is not live."""
+
+import asyncio
+import os
+import re
+import shutil
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fake_face import FakeFace
+from faultbond.service.web.application import application
+from faultbond.service.web.security import Guard, LocalGuard, LoginGuard, Role
+
+playwright = pytest.importorskip("playwright.sync_api", reason="there is no playwright: pip install playwright")
+uvicorn = pytest.importorskip("uvicorn", reason='there is no uvicorn: pip install "faultbond[serve]"')
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+AXE = "axe-core@4.14.1"
+RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+VIEWS = {"overview": "#/", "several": "#/tank_2", "healthy": "#/tank_1", "no data": "#/motor_2", "shelved": "#/tank_4"}
+READY = "#main[data-place]:not([data-place=''])"
+LARGEST_LOAD = 200_000  # bytes
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium")
+
+
+class Served:
+    """An application served on a port of this machine, with a made-up service behind it."""
+
+    def __init__(self, guard: Guard | None = None) -> None:
+        self.face = FakeFace()
+        self.guard = guard or LocalGuard()
+        self.port = 0
+        self.start()
+
+    def start(self) -> None:
+        """Serve, on the same port as before."""
+        self.server = uvicorn.Server(
+            uvicorn.Config(
+                application(self.face, self.guard), port=self.port, log_level="error", timeout_graceful_shutdown=1
+            )
+        )
+        self.thread = threading.Thread(target=self._run)
+        self.thread.start()
+        while not self.server.started:
+            time.sleep(0.01)
+        self.port = self.server.servers[0].sockets[0].getsockname()[1]
+
+    def _run(self) -> None:
+        async def serve() -> None:
+            self.loop = asyncio.get_running_loop()
+            await self.server.serve()
+
+        asyncio.run(serve())
+
+    @property
+    def address(self) -> str:
+        """Where the page is."""
+        return f"http://127.0.0.1:{self.port}/"
+
+    def tick(self) -> None:
+        """Pass a sample."""
+        self.loop.call_soon_threadsafe(self.face.tick)
+
+    def stop(self) -> None:
+        """Serve no more."""
+        self.loop.call_soon_threadsafe(self.face.stop)
+        self.server.should_exit = True
+        self.thread.join(10.0)
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    """A service on the loopback address."""
+    made = Served()
+    yield made
+    made.stop()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium without a window."""
+    options = ["--no-sandbox"] if os.name == "posix" and os.geteuid() == 0 else []
+    with playwright.sync_playwright() as player:
+        opened = player.chromium.launch(executable_path=CHROMIUM, args=options)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def opened(browser: Any, served: Served) -> Iterator[Callable[..., Any]]:
+    """Opens a view; `wrong` of the page is what its console complains of, `asked` what it asks for."""
+    pages = []
+
+    def made(view: str = "#/", width: int = 1280, *, is_dark: bool = False, ready: str = READY) -> Any:
+        page = browser.new_page(
+            viewport={"width": width, "height": 900},
+            color_scheme="dark" if is_dark else "light",
+            reduced_motion="reduce",
+        )
+        page.set_default_timeout(10_000)
+        page.asked, page.wrong = [], []
+        page.on("request", lambda request: page.asked.append(request.url))
+        page.on("pageerror", lambda problem: page.wrong.append(str(problem)))
+        page.on("console", lambda message: page.wrong.append(message.text) if message.type != "log" else None)
+        page.goto(served.address + view)
+        page.wait_for_selector(ready)
+        pages.append(page)
+        return page
+
+    yield made
+    for page in pages:
+        page.close()
+
+
+@pytest.fixture(scope="module")
+def axe(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The script of axe-core, fetched once into the cache of tests."""
+    cache = Path(os.environ.get("FAULTBOND_CACHE") or tmp_path_factory.mktemp("axe")) / AXE
+    script = cache / "package" / "axe.min.js"
+    if not script.exists():
+        if shutil.which("npm") is None:
+            pytest.skip("there is no npm to fetch axe-core with")
+        cache.mkdir(parents=True, exist_ok=True)
+        done = subprocess.run(["npm", "pack", AXE], cwd=cache, capture_output=True, check=False, timeout=120)
+        if done.returncode:
+            pytest.skip("npm cannot fetch axe-core")
+        shutil.unpack_archive(next(cache.glob("*.tgz")), cache, "gztar")
+    return script.read_text(encoding="utf-8")
+
+
+def violations(page: Any, axe: str) -> list[str]:
+    """Give what axe-core finds wrong."""
+    page.evaluate(axe)
+    found = page.evaluate("(rules) => axe.run({ runOnly: rules })", RULES)["violations"]
+    return [f"{item['id']}: {node['html']} {node['failureSummary']}" for item in found for node in item["nodes"]]
+
+
+def until(page: Any, script: str, argument: object = None) -> None:
+    """Wait until something is so; the page's policy forbids what Playwright has for that."""
+    end = time.monotonic() + 15.0
+    while not page.evaluate(script, argument):
+        assert time.monotonic() < end, script
+        page.wait_for_timeout(30)
+
+
+def is_overfull(page: Any) -> bool:
+    """Whether the page is wider than the window."""
+    return bool(page.evaluate("document.documentElement.scrollWidth > innerWidth"))
+
+
+def test_the_overview_tells_what_needs_attention(opened: Callable[..., Any]) -> None:
+    """What needs somebody is listed, the unacknowledged alarm first; no data is not normal; silence is told."""
+    page = opened()
+    rows = page.locator("section[aria-labelledby=of-attention] tbody tr")
+    assert [row.get_attribute("data-asset") for row in rows.all()] == ["tank_2", "tank_3", "motor_2", "motor_3"]
+    assert page.locator("section[aria-labelledby=of-silenced] tbody tr").get_attribute("data-asset") == "tank_4"
+    assert page.locator("tr[data-asset=motor_2] .condition").inner_text() == "No data"
+    assert page.locator("#count").inner_text() == "1 alarm to acknowledge"
+    assert page.locator(".tiles li").count() == 7
+    assert page.locator("#live-text").inner_text().startswith("Live ")
+    assert page.title() == "(1) Water works north"
+
+
+def test_an_asset_tells_what_is_wrong(opened: Callable[..., Any], served: Served) -> None:
+    """Verdict, candidates with their values, group, advice, drawing, data and plots are there."""
+    page = opened("#/tank_2")
+    text = page.inner_text("main")
+    for part in (
+        "Cannot yet be told apart",
+        "51.2",
+        "K6",
+        "+272 %",
+        "Two explanations",
+        "move u_out to 20 %",
+        "uncertain",
+    ):
+        assert part in text
+    heat = page.evaluate(
+        """() => {
+            const parts = document.querySelector('.picture').shadowRoot.querySelectorAll('[data-component]');
+            const heatOf = (part) => Number(part.querySelector('.heat').getAttribute('fill-opacity'));
+            return Object.fromEntries([...parts].map((part) => [part.dataset.component, heatOf(part)]));
+        }"""
+    )
+    assert heat["leak"] > heat["outlet"] > heat["pipe"] > heat["tank"] == 0
+    assert page.locator(".charts figure").count() == 4
+    drawn = """() => [...document.querySelectorAll('.charts canvas')].every((canvas) =>
+        new Set(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data).size > 20)"""
+    until(page, drawn)
+    assert page.wrong == []
+
+
+def test_samples_come_in(opened: Callable[..., Any], served: Served) -> None:
+    """A sample is on the page soon after it was taken."""
+    page = opened("#/tank_1")
+    until(page, "document.querySelector('.range').textContent.startsWith('Now')")
+    before = page.inner_text(".range")
+    served.tick()
+    until(page, "(before) => document.querySelector('.range').textContent !== before", before)
+    facts = page.inner_text("dl.facts")
+    assert f"{served.face.now + 1:,}".replace(",", "\u202f") in facts
+
+
+def test_an_alarm_is_acknowledged_by_keyboard(opened: Callable[..., Any], served: Served) -> None:
+    """From the overview to the deed no pointer is needed, the focus is always seen, and the journal tells it."""
+    page = opened()
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.id") == "skip"
+    page.keyboard.press("Enter")
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.textContent") == "tank_2"
+    page.keyboard.press("Enter")
+    page.wait_for_selector("button[data-action=acknowledge]")
+    for _ in range(20):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.dataset.action") == "acknowledge":
+            break
+    assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+    page.keyboard.press("Enter")
+    page.wait_for_selector("dialog[open]")
+    page.keyboard.type("On my way.")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("dialog", state="hidden")
+    until(page, "document.querySelector('.journal').textContent.includes('On my way.')")
+    done = served.face.done[-1]
+    assert (done.asset, done.action.value, done.who, done.comment) == ("tank_2", "acknowledge", "local", "On my way.")
+    assert page.locator("button[data-action=acknowledge]").count() == 0
+    assert "acknowledged by local" in page.inner_text(".title")
+    assert page.locator("#count").is_hidden()
+
+
+def test_a_diagnosis_is_accepted_and_taken_back(opened: Callable[..., Any], served: Served) -> None:
+    """The dialog says what will happen and which diagnosis is meant; what was done can be undone."""
+    page = opened("#/tank_2")
+    page.click("button[data-action=accept]")
+    assert "becomes the model from now on" in page.inner_text("dialog")
+    page.get_by_role("radio").nth(1).check()
+    page.click("dialog button[type=submit]")
+    until(page, "document.querySelector('.group-hint').textContent.startsWith('No alarm')")
+    assert served.face.done[-1].target == ("K4",)
+    page.click(".journal button[data-action=undo]")
+    assert "accept by local" in page.inner_text("dialog")
+    page.click("dialog button[type=submit]")
+    page.wait_for_selector("button[data-action=acknowledge]")
+    assert served.face.done[-1].undone == 4
+    assert "undone by 5" in page.inner_text(".journal")
+
+
+def test_shelving_needs_a_length_and_a_reason(opened: Callable[..., Any], served: Served) -> None:
+    """Without a reason nothing is sent; with it the alarm is shelved for as long as was chosen."""
+    page = opened("#/tank_2")
+    page.click("button[data-action=shelve]")
+    page.select_option("#deed-minutes", "30")
+    page.click("dialog button[type=submit]")
+    assert page.locator("dialog[open]").count() == 1
+    assert served.face.done == []
+    page.fill("#deed-comment", "Pump is being cleaned.")
+    page.click("dialog button[type=submit]")
+    page.wait_for_selector("button[data-action=unshelve]")
+    assert served.face.done[-1].minutes == 30
+
+
+def test_what_is_refused_is_told_in_the_dialog(opened: Callable[..., Any], served: Served) -> None:
+    """Where the service cannot keep a deed, the dialog stays, says why, and keeps what was written."""
+    served.face.is_full = True
+    page = opened("#/tank_2")
+    page.click("button[data-action=acknowledge]")
+    page.fill("#deed-comment", "Seen.")
+    page.click("dialog button[type=submit]")
+    page.wait_for_selector(".problem-line:not([hidden])")
+    assert "the disk is full" in page.inner_text("dialog [role=alert]")
+    assert page.input_value("#deed-comment") == "Seen."
+    page.keyboard.press("Escape")
+    page.wait_for_selector("dialog", state="hidden")
+
+
+@pytest.mark.parametrize("view", ["#/", "#/tank_2"])
+def test_a_lost_service_is_told(opened: Callable[..., Any], served: Served, view: str, axe: str) -> None:
+    """Where the service is gone nothing is called live or normal and nothing can be done; then it comes back."""
+    page = opened(view)
+    served.stop()
+    page.wait_for_selector("#lost:not([hidden])")
+    told = page.inner_text("#lost")
+    assert re.match(r"Not live since \d\d:\d\d:\d\d\sUTC\. What stands below is what was known then", told)
+    assert page.title().startswith("Not live")
+    assert "Live" not in page.inner_text("#live-text").split()
+    until(page, "document.querySelector('main .condition').textContent.startsWith('Not known, was')")
+    assert "Normal" not in page.inner_text("main")
+    if view != "#/":
+        assert page.locator("button[data-action]:enabled").count() == 0
+        assert page.inner_text(".range").startswith("Last known")
+    assert violations(page, axe) == []
+    served.start()
+    page.wait_for_selector("#lost", state="hidden", timeout=20_000)
+    until(page, "document.querySelector('#live-text').textContent.startsWith('Live ')")
+    until(page, "!document.querySelector('main').textContent.includes('Not known')")
+
+
+def test_a_silent_service_is_lost_too(browser: Any, served: Served) -> None:
+    """Where the connection stands and nothing is heard any more, the page says so."""
+    page = browser.new_page()
+    page.clock.install()
+    page.goto(served.address)
+    page.wait_for_selector(READY)
+    blocked = threading.Event()
+    served.loop.call_soon_threadsafe(blocked.wait, 20.0)
+    try:
+        for _ in range(10):
+            page.clock.run_for(1000)
+        page.wait_for_selector("#lost:not([hidden])", timeout=10_000)
+    finally:
+        blocked.set()
+        page.close()
+
+
+def test_no_data_is_not_called_now(opened: Callable[..., Any]) -> None:
+    """The plots of an asset without data show what was last known, and say so."""
+    page = opened("#/motor_2")
+    until(page, "document.querySelector('.range').textContent.startsWith('Last known')")
+    assert "Nothing is judged now: no data." in page.inner_text("main")
+
+
+def test_a_period_of_the_past(opened: Callable[..., Any], served: Served) -> None:
+    """By pointer or keys one looks closer and back, and returns to now; new samples do not disturb that."""
+    page = opened("#/tank_2")
+    until(page, "document.querySelector('.range').textContent.startsWith('Now')")
+    page.locator(".charts canvas").first.scroll_into_view_if_needed()
+    box = page.locator(".charts canvas").first.bounding_box()
+    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 50)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 50, steps=4)
+    page.mouse.up()
+    until(page, "document.querySelector('.range').textContent.startsWith('Past')")
+    chosen = page.inner_text(".range")
+    served.tick()
+    page.focus(".charts")
+    page.keyboard.press("ArrowLeft")
+    until(page, "(text) => document.querySelector('.range').textContent !== text", chosen)
+    page.keyboard.press("Home")
+    until(page, "document.querySelector('.range').textContent.startsWith('Now')")
+    assert page.wrong == []
+
+
+@pytest.mark.parametrize("width", [360, 768, 1440, 2560])
+@pytest.mark.parametrize("view", VIEWS)
+def test_nothing_is_wider_than_the_window(opened: Callable[..., Any], view: str, width: int) -> None:
+    """From a phone to a wall screen nothing has to be scrolled sideways."""
+    assert not is_overfull(opened(VIEWS[view], width))
+
+
+def test_a_dialog_fits_a_phone(opened: Callable[..., Any]) -> None:
+    """A dialog with a choice is whole on a phone."""
+    page = opened("#/tank_2", 360)
+    page.click("button[data-action=accept]")
+    box = page.locator("dialog").bounding_box()
+    assert box["x"] >= 0
+    assert box["x"] + box["width"] <= 360
+    assert not is_overfull(page)
+
+
+@pytest.mark.parametrize("is_dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("width", [360, 1280])
+def test_everybody_can_use_it(opened: Callable[..., Any], view: str, width: int, is_dark: bool, axe: str) -> None:
+    """axe-core finds no violation of WCAG AA in any view, on a phone or a screen, light or dark."""
+    page = opened(VIEWS[view], width, is_dark=is_dark)
+    paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (sum(map(int, re.findall(r"\d+", paper))) < 200) == is_dark
+    assert violations(page, axe) == []
+
+
+@pytest.mark.parametrize("action", ["acknowledge", "shelve", "accept", "out of service"])
+def test_everybody_can_use_the_dialogs(opened: Callable[..., Any], action: str, axe: str) -> None:
+    """axe-core finds no violation in the dialogs."""
+    page = opened("#/tank_2")
+    page.click(f"button[data-action='{action}']")
+    assert violations(page, axe) == []
+
+
+def test_the_page_asks_nobody_else(opened: Callable[..., Any], served: Served) -> None:
+    """The first load is small, comes from the service alone, breaks no rule of its policy, and is quick."""
+    page = opened()
+    assert [url for url in page.asked if not url.startswith(served.address)] == []
+    assert page.wrong == []
+    size = page.evaluate(
+        """() => [...performance.getEntriesByType('navigation'), ...performance.getEntriesByType('resource')]
+        .reduce((sum, item) => sum + (item.transferSize || 0), 0)"""
+    )
+    assert 10_000 < size < LARGEST_LOAD
+
+
+def test_an_asset_that_there_is_not(opened: Callable[..., Any]) -> None:
+    """A name that there is not is told, and a way back is shown."""
+    page = opened("#/nothing", ready="main h1")
+    assert page.inner_text("main h1") == "There is no asset 'nothing'."
+    page.click("main a")
+    page.wait_for_selector(".tiles")
+
+
+def test_a_picture_of_the_process_is_coloured_too(
+    opened: Callable[..., Any], served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A picture with styles and scripts of its own is shown with the styles and without the scripts."""
+    picture = (
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 50"><style>.a{stroke:rgb(1, 2, 3)}</style>'
+        '<script>window.broken = true</script><g data-component="leak" onclick="window.broken = true">'
+        '<rect class="a" style="fill: rgb(4, 5, 6)" width="20" height="10"/></g></svg>'
+    )
+    known = served.face.asset
+    monkeypatch.setattr(served.face, "asset", lambda name: {**known(name), "drawing": picture})
+    page = opened("#/tank_2")
+    found = page.evaluate(
+        """() => { const root = document.querySelector('.picture').shadowRoot, rect = root.querySelector('.a');
+        root.querySelector('g').dispatchEvent(new Event('click'));
+        return [getComputedStyle(rect).stroke, getComputedStyle(rect).fill, root.querySelectorAll('.heat').length,
+        root.querySelectorAll('script').length, window.broken ?? false]; }"""
+    )
+    assert found == ["rgb(1, 2, 3)", "rgb(4, 5, 6)", 1, 0, False]
+
+
+def test_login(browser: Any, users: dict[str, tuple[str, Role]], axe: str) -> None:
+    """Who is not logged in sees the login alone, who may only look has no buttons, and after logout nothing is left."""
+    served = Served(LoginGuard(users=users))
+    page = browser.new_page()
+    page.goto(served.address + "#/tank_2")
+    page.wait_for_selector(".login")
+    assert violations(page, axe) == []
+    page.fill("#login-name", "viola")
+    page.fill("#login-password", "wrong")
+    page.keyboard.press("Enter")
+    page.wait_for_selector(".problem-line:not([hidden])")
+    page.fill("#login-password", "seen only")
+    page.keyboard.press("Enter")
+    page.wait_for_selector(".candidates li")
+    assert page.inner_text("#person") == "viola, view"
+    assert page.locator("button[data-action]").count() == 0
+    page.click("#leave")
+    page.wait_for_selector(".login")
+    assert "leak" not in page.inner_text("body")
+    page.close()
+    served.stop()
