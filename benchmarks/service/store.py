@@ -13,8 +13,8 @@ from time import perf_counter
 import numpy as np
 
 from faultbond.io.row_block import RowBlock
-from faultbond.service.messages import Curves
-from faultbond.service.store.base import Commit, Enrolment
+from faultbond.service.contract.messages import Curves
+from faultbond.service.contract.store import Commit, Enrolment
 from faultbond.service.store.sqlite import SqliteStore
 
 N_INPUTS, N_OUTPUTS = 5, 15

@@ -15,8 +15,8 @@ from faultbond.io.recording import Column, Columns, columns_of
 from faultbond.io.row_block import RowBlock
 from faultbond.model.graph import BondGraph, TimeColumn, Unit
 from faultbond.model.text import load_model
-from faultbond.service.messages import Arrivals
-from faultbond.service.sources.base import Source, Subscriber
+from faultbond.service.contract.messages import Arrivals
+from faultbond.service.contract.source import Source, Subscriber
 
 COLUMNS = Columns(
     time=TimeColumn(),

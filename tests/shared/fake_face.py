@@ -10,8 +10,8 @@ from fake import MOTOR_STROKES, TANK_STROKES, motor_graph, tank_graph
 from faultbond.errors import FaultbondError, StoreError
 from faultbond.report.drawing import draw
 from faultbond.report.numbers import TIMES
-from faultbond.service.face import Request, Shown
-from faultbond.service.messages import Action, Ne107
+from faultbond.service.contract.face import Request, Shown
+from faultbond.service.contract.messages import Action, Ne107
 
 START = 1_795_000_000.0  # Unix s of the first sample
 HISTORY = 900  # samples that there are at the start

@@ -9,7 +9,7 @@ from faultbond.app.plant import WatchedPlant, find_plant
 from faultbond.app.wishes import Wanted
 from faultbond.io.recording import read_blocks
 from faultbond.io.row_block import RowBlock
-from faultbond.service.messages import Action, Deed
+from faultbond.service.contract.messages import Action, Deed
 
 MODEL = Path("examples/rlc/model.yaml").resolve()
 RECORDING = next(MODEL.parent.glob("fault_*.csv"))

@@ -10,8 +10,8 @@ import numpy as np
 
 from faultbond.errors import StoreError
 from faultbond.io.row_block import Row, RowBlock, block_of_rows
-from faultbond.service.messages import Curves, Deed, Told
-from faultbond.service.store.base import Commit, Enrolment, Stand
+from faultbond.service.contract.messages import Curves, Deed, Told
+from faultbond.service.contract.store import Commit, Enrolment, Stand
 from faultbond.service.store.peaks import thinned
 
 KEPT = 3  # checkpoints of a log
@@ -32,7 +32,7 @@ class SlowLog:
 
 
 class MemoryStore:
-    """See `faultbond.service.store.base.Store`; what is asked of each method stands there."""
+    """See `faultbond.service.contract.store.Store`; what is asked of each method stands there."""
 
     def __init__(self) -> None:
         self.logs: dict[tuple[str, str], SlowLog] = {}

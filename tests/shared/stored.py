@@ -5,8 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from faultbond.io.row_block import RowBlock
-from faultbond.service.messages import Action, Curves, Deed, Told
-from faultbond.service.store.base import Enrolment
+from faultbond.service.contract.messages import Action, Curves, Deed, Told
+from faultbond.service.contract.store import Enrolment
 
 
 def enrolment(asset: str = "pump", model: str = "a" * 64, n_inputs: int = 1, n_outputs: int = 2) -> Enrolment:

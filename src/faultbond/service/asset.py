@@ -21,7 +21,7 @@ from faultbond.io.typed import TypeLimits, typed
 from faultbond.report.verdict import open_diagnosis
 from faultbond.runtime.trace import Trace
 from faultbond.service.alarm import Alarm
-from faultbond.service.messages import DECISIONS, Action, Curves, Deed, Told
+from faultbond.service.contract.messages import DECISIONS, Action, Curves, Deed, Told
 from faultbond.types import Method
 
 RECENT = 1200  # grid points that are kept in memory at least, for the report

@@ -28,8 +28,8 @@ from faultbond.model.document import ModelDocument
 from faultbond.model.graph import BondGraph, Input, Sensor, Unit
 from faultbond.model.text import parse_model
 from faultbond.report.numbers import clock_text, probability_text
-from faultbond.service.messages import DECISIONS, Action, Deed, Told
-from faultbond.service.store.base import Enrolment, Store
+from faultbond.service.contract.messages import DECISIONS, Action, Deed, Told
+from faultbond.service.contract.store import Enrolment, Store
 from faultbond.service.store.chunks import joined_rows
 
 EXACT = 17  # digits that give a number back to the last bit

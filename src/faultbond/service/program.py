@@ -14,9 +14,9 @@ from faultbond.app.signals import STOPPING, Stopped
 from faultbond.contract.json_records import Record
 from faultbond.errors import FaultbondError
 from faultbond.io.out import Out
+from faultbond.service.contract.source import Subscriber
 from faultbond.service.serving import Service
 from faultbond.service.site import Site
-from faultbond.service.sources.base import Subscriber
 from faultbond.service.sources.opening import open_source
 from faultbond.service.store.sqlite import SqliteStore
 from faultbond.service.watching import Done

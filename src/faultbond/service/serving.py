@@ -13,14 +13,14 @@ from faultbond.equations.causality import assign_causality
 from faultbond.errors import SourceError, StoreError
 from faultbond.report.drawing import draw
 from faultbond.service.asset import Asset
-from faultbond.service.face import Request, Shown
+from faultbond.service.contract.face import Request, Shown
+from faultbond.service.contract.messages import Action, Arrivals, Deed, Monitoring
+from faultbond.service.contract.source import Source, Subscriber
+from faultbond.service.contract.store import Store
 from faultbond.service.hub import Hub
-from faultbond.service.messages import Action, Arrivals, Deed, Monitoring
 from faultbond.service.shown import asset_of, curves_of, journal_of, summary_of
 from faultbond.service.site import Site
-from faultbond.service.sources.base import Source, Subscriber
 from faultbond.service.standing import standing
-from faultbond.service.store.base import Store
 from faultbond.service.watching import AssetPlan, Done, Watch
 
 MOST_WAITING = 1000  # arrivals and deeds between the sources and the worker; more wait in the sources

@@ -14,8 +14,8 @@ from faultbond.report.numbers import Notation, unit_text
 from faultbond.report.suspects import SuspectRow
 from faultbond.report.verdict import best_group, fault_probabilities, set_name, view_of
 from faultbond.service.asset import Asset
-from faultbond.service.face import Shown
-from faultbond.service.messages import Action, Curves, Deed
+from faultbond.service.contract.face import Shown
+from faultbond.service.contract.messages import Action, Curves, Deed
 from faultbond.service.standing import BEGINNING, Standing
 
 RANKED = 6  # candidates whose probability is drawn over time

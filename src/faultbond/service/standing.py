@@ -8,7 +8,7 @@ from faultbond.model.graph import BondGraph
 from faultbond.report.numbers import clock_text, duration_text, probability_text
 from faultbond.report.verdict import best_group, set_name
 from faultbond.service.asset import Asset
-from faultbond.service.messages import Monitoring, Ne107
+from faultbond.service.contract.messages import Monitoring, Ne107
 from faultbond.types import FaultKind
 
 BEGINNING = frozenset({None, Status.WAITING, Status.STARTING, Status.WARMING, Status.LOST})

@@ -9,8 +9,8 @@ from faultbond.app.plant import WatchedPlant
 from faultbond.errors import FaultbondError, RecordingError, StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.asset import Asset, Outcome
-from faultbond.service.messages import Action, Arrivals, Deed, Told
-from faultbond.service.store.base import Commit, Enrolment, Stand, Store
+from faultbond.service.contract.messages import Action, Arrivals, Deed, Told
+from faultbond.service.contract.store import Commit, Enrolment, Stand, Store
 
 EVERY = 60.0  # s between two checkpoints of an asset
 

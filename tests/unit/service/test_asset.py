@@ -17,7 +17,7 @@ from faultbond.errors import FaultbondError, StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.alarm import AlarmState
 from faultbond.service.asset import Asset
-from faultbond.service.messages import Action, Told
+from faultbond.service.contract.messages import Action, Told
 from loop_asset import FOUND, MODEL, RECORDING, deed, plant, rows
 
 

@@ -17,9 +17,9 @@ from faultbond.io.row_block import RowBlock
 from faultbond.model.graph import Unit
 from faultbond.service import history
 from faultbond.service.asset import Asset
+from faultbond.service.contract.messages import Action, Deed
+from faultbond.service.contract.store import Commit, Enrolment
 from faultbond.service.history import Excerpt, columns_in_units, line_of, tell_history
-from faultbond.service.messages import Action, Deed
-from faultbond.service.store.base import Commit, Enrolment
 from faultbond.service.store.chunks import joined_rows
 from faultbond.service.store.sqlite import SqliteStore
 from made import EXAMPLES

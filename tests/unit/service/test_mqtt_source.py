@@ -18,7 +18,7 @@ from broker import MOSQUITTO, Mosquitto
 from faultbond.errors import FaultbondError, SourceError
 from faultbond.io.recording import Column, Columns
 from faultbond.model.graph import TimeColumn, Unit
-from faultbond.service.sources.base import Source, Subscriber
+from faultbond.service.contract.source import Source, Subscriber
 from faultbond.service.sources.opening import open_source
 from faultbond.service.sources.options import SourceOptions
 

@@ -8,12 +8,12 @@ import pytest
 
 from faultbond.errors import FaultbondError, SourceError, StoreError
 from faultbond.io.row_block import RowBlock
-from faultbond.service.face import Request, Shown
-from faultbond.service.messages import Action, Arrivals
+from faultbond.service.contract.face import Request, Shown
+from faultbond.service.contract.messages import Action, Arrivals
+from faultbond.service.contract.source import Source, Subscriber
+from faultbond.service.contract.store import Commit
 from faultbond.service.serving import Service
 from faultbond.service.site import Site, SiteAsset
-from faultbond.service.sources.base import Source, Subscriber
-from faultbond.service.store.base import Commit
 from loop_asset import FOUND, plant, rows
 from memory_store import MemoryStore
 

@@ -19,8 +19,8 @@ from faultbond.io.examples import example
 from faultbond.io.faults import FaultRequest, parse_fault
 from faultbond.io.recording import columns_of, write_recording
 from faultbond.model.text import load_model, parse_model
+from faultbond.service.contract.source import Subscriber
 from faultbond.service.sources import simulated as module
-from faultbond.service.sources.base import Subscriber
 from faultbond.service.sources.simulated import ROWS, SimulatedPlant, SimulationWishes
 from faultbond.synthesis.engine import build_engine
 

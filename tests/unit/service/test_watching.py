@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from faultbond.errors import StoreError
-from faultbond.service.messages import Action, Arrivals, Deed
-from faultbond.service.store.base import Commit, Store
+from faultbond.service.contract.messages import Action, Arrivals, Deed
+from faultbond.service.contract.store import Commit, Store
 from faultbond.service.store.sqlite import SqliteStore
 from faultbond.service.watching import AssetPlan, Done, Watch
 from loop_asset import FOUND, deed, plant, rows

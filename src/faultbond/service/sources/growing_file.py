@@ -23,8 +23,8 @@ from faultbond.arrays import FloatArray
 from faultbond.errors import RecordingError, SourceError
 from faultbond.io.recording import RowFeed, read_blocks
 from faultbond.io.row_block import RowBlock, joined
-from faultbond.service.messages import Arrivals
-from faultbond.service.sources.base import Subscriber
+from faultbond.service.contract.messages import Arrivals
+from faultbond.service.contract.source import Subscriber
 from faultbond.service.sources.queue import no_rows
 
 POLL = 0.2  # s between two looks at a file that does not grow

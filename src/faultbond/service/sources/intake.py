@@ -11,8 +11,8 @@ from faultbond.errors import FaultbondError, RecordingError
 from faultbond.io.recording import row_reader
 from faultbond.io.times import finite_number
 from faultbond.model.graph import TimeColumn
+from faultbond.service.contract.source import Subscriber
 from faultbond.service.sources.assembly import Assembly, RawRow
-from faultbond.service.sources.base import Subscriber
 from faultbond.service.sources.options import SourceOptions
 from faultbond.service.sources.queue import ArrivalQueue
 

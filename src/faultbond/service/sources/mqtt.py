@@ -11,8 +11,8 @@ import aiomqtt
 from paho.mqtt.client import topic_matches_sub
 
 from faultbond.errors import SourceError
-from faultbond.service.messages import Arrivals
-from faultbond.service.sources.base import Subscriber
+from faultbond.service.contract.messages import Arrivals
+from faultbond.service.contract.source import Subscriber
 from faultbond.service.sources.intake import Intake
 from faultbond.service.sources.json_payload import JsonForm
 from faultbond.service.sources.options import SourceOptions

@@ -19,8 +19,8 @@ from cryptography import x509
 
 from faultbond.errors import FaultbondError, SourceError
 from faultbond.io.times import unix_seconds
-from faultbond.service.messages import Arrivals
-from faultbond.service.sources.base import Subscriber
+from faultbond.service.contract.messages import Arrivals
+from faultbond.service.contract.source import Subscriber
 from faultbond.service.sources.intake import Intake, Quality, Reading
 from faultbond.service.sources.options import SourceOptions
 from faultbond.service.sources.queue import ArrivalQueue

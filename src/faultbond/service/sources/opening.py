@@ -13,7 +13,7 @@ from urllib.parse import unquote, urlsplit
 from faultbond.errors import FaultbondError, ModelError
 from faultbond.io.faults import FaultRequest, parse_fault
 from faultbond.io.times import finite_number
-from faultbond.service.sources.base import Source, Subscriber
+from faultbond.service.contract.source import Source, Subscriber
 from faultbond.service.sources.growing_file import GrowingFile, Replay
 from faultbond.service.sources.intake import held_columns
 from faultbond.service.sources.options import SourceOptions

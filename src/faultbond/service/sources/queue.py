@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from faultbond.io.row_block import Row, RowBlock, block_of_rows
-from faultbond.service.messages import Arrivals
-from faultbond.service.sources.base import Subscriber
+from faultbond.service.contract.messages import Arrivals
+from faultbond.service.contract.source import Subscriber
 
 DROPPED = "dropped"
 

@@ -25,8 +25,8 @@ from faultbond.io.faults import FaultRequest
 from faultbond.io.row_block import RowBlock
 from faultbond.model.graph import BondGraph, Parameter
 from faultbond.model.row_means import of_rows
-from faultbond.service.messages import Arrivals
-from faultbond.service.sources.base import Subscriber
+from faultbond.service.contract.messages import Arrivals
+from faultbond.service.contract.source import Subscriber
 from faultbond.types import ElementType, FaultKind
 
 HEALTHY = "healthy.csv"

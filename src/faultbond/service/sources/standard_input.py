@@ -9,8 +9,8 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from faultbond.errors import RecordingError, SourceError
 from faultbond.io.recording import RowFeed
 from faultbond.io.row_block import RowBlock
-from faultbond.service.messages import Arrivals
-from faultbond.service.sources.base import Subscriber
+from faultbond.service.contract.messages import Arrivals
+from faultbond.service.contract.source import Subscriber
 from faultbond.service.sources.growing_file import UNREADABLE, all_rows
 
 GATHER = 0.1  # s for which rows are gathered that go out together

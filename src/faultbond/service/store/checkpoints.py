@@ -3,7 +3,7 @@
 import zlib
 from collections.abc import Callable
 
-from faultbond.service.store.base import Stand
+from faultbond.service.contract.store import Stand
 from faultbond.service.store.database import Database
 from faultbond.service.store.tail import Log
 

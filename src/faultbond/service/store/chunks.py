@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from faultbond.errors import StoreError
 from faultbond.io.row_block import RowBlock
-from faultbond.service.messages import Curves
+from faultbond.service.contract.messages import Curves
 
 VERSION = 1
 _MAGIC = b"fb"

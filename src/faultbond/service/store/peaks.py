@@ -3,7 +3,7 @@
 import numpy as np
 
 from faultbond.arrays import FloatArray, IntArray
-from faultbond.service.messages import Curves
+from faultbond.service.contract.messages import Curves
 
 _VALUES = ("inputs", "measured", "expected", "sd", "cusum")
 

@@ -20,8 +20,8 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import StoreError
 from faultbond.io.row_block import RowBlock
-from faultbond.service.messages import Action, Curves, Deed, Told
-from faultbond.service.store.base import Commit, Enrolment, Stand
+from faultbond.service.contract.messages import Action, Curves, Deed, Told
+from faultbond.service.contract.store import Commit, Enrolment, Stand
 from faultbond.service.store.checkpoints import stand_of, write_checkpoint
 from faultbond.service.store.chunks import curves_at
 from faultbond.service.store.database import Database, is_full

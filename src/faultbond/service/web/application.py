@@ -20,9 +20,9 @@ from starlette.exceptions import HTTPException as AnyHTTPException
 from starlette.types import Message
 
 from faultbond.errors import FaultbondError, StoreError
-from faultbond.service.face import Face, Shown
-from faultbond.service.face import Request as Wanted
-from faultbond.service.messages import Action
+from faultbond.service.contract.face import Face, Shown
+from faultbond.service.contract.face import Request as Wanted
+from faultbond.service.contract.messages import Action
 from faultbond.service.web.broadcast import Broadcast, BusyError, EventStream
 from faultbond.service.web.page_files import page_files
 from faultbond.service.web.security import Guard, Person, Role, TooManyTriesError, needed

@@ -18,7 +18,7 @@ from starlette.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from faultbond.errors import FaultbondError
-from faultbond.service.face import Face, Shown
+from faultbond.service.contract.face import Face, Shown
 
 MOST = 100  # events that may wait for a viewer, beside one summary of each asset
 VIEWERS = 1000  # at a time

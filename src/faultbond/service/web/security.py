@@ -16,7 +16,7 @@ from enum import IntEnum
 from typing import Protocol
 
 from faultbond.errors import FaultbondError
-from faultbond.service.messages import Action
+from faultbond.service.contract.messages import Action
 
 SCRYPT_N = 1 << 15  # with r 8 and p 3: 32 MiB and some 0.2 s a try, as OWASP's password storage sheet asks
 SCRYPT_R = 8

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from faultbond.service.store.base import Commit
+from faultbond.service.contract.store import Commit
 from faultbond.service.store.sqlite import SqliteStore
 from stored import deed, enrolment, some_curves, some_rows, told
 

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from faultbond.errors import StoreError
-from faultbond.service.messages import Action, Curves, Deed, Told
+from faultbond.service.contract.messages import Action, Curves, Deed, Told
+from faultbond.service.contract.store import Commit
 from faultbond.service.store import sqlite, tail
-from faultbond.service.store.base import Commit
 from faultbond.service.store.sqlite import SqliteStore
 from memory_store import MemoryStore
 from stored import enrolment, flat, some_curves, some_rows

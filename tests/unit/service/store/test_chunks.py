@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from faultbond.errors import StoreError
 from faultbond.io.row_block import RowBlock
-from faultbond.service.messages import Curves
+from faultbond.service.contract.messages import Curves
 from faultbond.service.store import chunks
 from faultbond.service.store.chunks import pack_curves, pack_rows, unpack_curves, unpack_rows
 from stored import some_curves, some_rows

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from faultbond.service.messages import Curves
+from faultbond.service.contract.messages import Curves
 from faultbond.service.store.chunks import curves_at
 from faultbond.service.store.peaks import thinned
 from stored import some_curves

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from faultbond.errors import StoreError
+from faultbond.service.contract.store import Commit
 from faultbond.service.store import tail
-from faultbond.service.store.base import Commit
 from faultbond.service.store.sqlite import SqliteStore
 from stored import deed, enrolment, flat, some_curves, some_rows, told
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from faultbond.errors import StoreError
-from faultbond.service.store.base import Commit, Store
+from faultbond.service.contract.store import Commit, Store
 from faultbond.service.store.database import FORMAT
 from faultbond.service.store.sqlite import SqliteStore
 from stored import deed, enrolment, flat, some_curves, some_rows, told

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from asked import Asked
-from faultbond.service.messages import Action
+from faultbond.service.contract.messages import Action
 from faultbond.service.web.application import COOKIE, TOKEN
 from faultbond.service.web.page_files import page_files
 from faultbond.service.web.security import LocalGuard

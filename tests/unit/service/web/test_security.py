@@ -5,7 +5,7 @@ import time
 import pytest
 
 from faultbond.errors import FaultbondError
-from faultbond.service.messages import Action
+from faultbond.service.contract.messages import Action
 from faultbond.service.web import security
 from faultbond.service.web.security import (
     FAILURES_OF_ADDRESS,

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from faultbond.io.recording import Columns
 from faultbond.model.graph import BondGraph
-from faultbond.service.messages import Arrivals
+from faultbond.service.contract.messages import Arrivals
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from faultbond.io.row_block import RowBlock
-from faultbond.service.messages import Curves, Deed, Told
+from faultbond.service.contract.messages import Curves, Deed, Told
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

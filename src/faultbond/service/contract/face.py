@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from faultbond.service.messages import Action
+from faultbond.service.contract.messages import Action
 
 Shown = dict[str, Any]
 
