@@ -21,7 +21,7 @@ SENSORS = {"tank": {"flow": "m³/s", "pressure": "Pa"}, "motor": {"omega": "rad/
 INPUTS = {"tank": {"u_in": "%", "u_out": "%"}, "motor": {"V": "V"}}
 MEANS = {"flow": 2.31e-4, "pressure": 41200.0, "omega": 52.4, "u_in": 62.0, "u_out": 48.0, "V": 24.0}
 FAULTY = ("tank_2", "tank_3", "tank_4")
-STATES = {Action.SHELVE: "shelved", Action.SUPPRESS: "suppressed", Action.OUT_OF_SERVICE: "out of service"}
+STATES = {Action.SHELVE: "shelved", Action.SUPPRESS: "suppressed by design", Action.OUT_OF_SERVICE: "out of service"}
 
 
 def candidate(*suspects: tuple[str, ...], kind: str, probability: float, group: bool) -> Shown:
@@ -290,7 +290,7 @@ class FakeFace:
                 "unacknowledged": ["acknowledge", "shelve", "suppress"],
                 "acknowledged": ["shelve", "suppress"],
                 "shelved": ["unshelve"],
-                "suppressed": ["unsuppress"],
+                "suppressed by design": ["unsuppress"],
             }.get(state, [])
             found = [*found, "accept", "reject", "repaired"]
         is_out = alarm is not None and alarm["state"] == "out of service"

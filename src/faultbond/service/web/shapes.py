@@ -89,7 +89,7 @@ class AlarmShape(Shape):
 class BestShape(Shape):
     """The likeliest explanation."""
 
-    names: list[str]
+    names: str | list[str]
     probability: float
 
 
@@ -136,7 +136,7 @@ class SuspectShape(Shape):
     component: str
     nominal: str
     estimate: str
-    sd: str
+    sd: str = ""
     change: str
 
 
@@ -192,7 +192,7 @@ class AssetShape(Shape):
     suspicion: dict[str, float]
     signals: list[SignalShape]
     cusum_limit: float
-    verdict: list[str]
+    verdict: str | list[str]
     rows: list[CandidateShape]
     several: bool
     checks: list[CheckShape]

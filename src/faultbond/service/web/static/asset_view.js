@@ -25,6 +25,7 @@ export class AssetView {
     this.group = make("p", { class: "hint group-hint" });
     this.list = make("ol", { class: "candidates" });
     this.more = make("button", { type: "button", class: "more", hidden: true, on: { click: () => { this.candidates = Infinity; this.showCandidates(); } } }, "Show all");
+    this.beside = make("p", { class: "hint" });
     this.advice = make("div", { class: "advice" });
     this.chancePlace = make("div");
     this.chancePanel = panel("chance-plot", "Probability over time", this.chancePlace);
@@ -35,7 +36,7 @@ export class AssetView {
     this.journal = make("ol", { class: "journal" });
     this.older = make("button", { type: "button", class: "more", hidden: true, on: { click: () => { this.entries = Infinity; this.showJournal(); } } }, "Show older entries");
     this.trendPlace = make("div");
-    this.explanations = panel("explanations", "What may be at fault", this.group, this.list, this.more, this.advice);
+    this.explanations = panel("explanations", "What may be at fault", this.group, this.list, this.more, this.beside, this.advice);
     place.replaceChildren(
       this.head,
       make("div", { class: "pair" }, this.explanations, make("div", { class: "stack" }, panel("plant-drawing", "Plant", this.drawing), this.chancePanel)),
@@ -84,7 +85,7 @@ export class AssetView {
       make("h1", { id: "asset-title" }, this.name, make("span", { class: "model" }, summary.model)),
       make("p", { class: `condition ${condition.key}` }, symbol(condition), make("b", {}, condition.word), make("span", { class: "moment" }, `since ${momentText(since)}`), alarmMark(alarm)),
     ]);
-    renew(this.sentences, { verdict, last: events }, () => verdict.map((text, k) => make("p", { class: k ? "" : "first" }, text)));
+    renew(this.sentences, { verdict, last: events }, () => [verdict].flat().map((text, k) => make("p", { class: k ? "" : "first" }, text)));
     const facts = [];
     if (alarm) {
       facts.push(["Alarm", clockText(Math.round(alarm.since))]);
@@ -119,6 +120,8 @@ export class AssetView {
       ? `${capital(countWord(rows.filter((row) => row.group).length))} explanations, marked ●, cannot be told apart yet.`
       : "The best explanation stands apart from the others.";
     renew(this.list, { worth, several }, () => worth.map((row) => rowOf(row, several)));
+    const beside = [rows.length ? this.asset.remainder : "", this.asset.left_out, this.asset.contradicted ? "The data contradict them all: the probabilities tell only which comes nearest." : ""].filter(Boolean).join(" ");
+    this.beside.textContent = beside;
     this.more.hidden = worth.length === rows.length;
     this.more.textContent = `Show all ${rows.length}`;
     renew(this.advice, checks, () => checks.length ? [

@@ -21,8 +21,8 @@ export const ACTIONS = {
   undo: { past: "undid", label: "Undo", says: "What was done is taken back, as if it had not been done. Both stay in the journal." },
 };
 
-export const titleOf = (row) => row.suspects.filter((item) => item.component).map((item) => item.component).join(" with ") || row.suspects[0].name;
-const targetOf = (row) => row.suspects.map((item) => item.name);
+export const titleOf = (row) => row.names || row.suspects.filter((item) => item.component).map((item) => item.component).join(" with ") || row.suspects[0].name;
+const targetOf = (row) => row.target ?? row.suspects.map((item) => item.name);
 
 // Ask for what is needed for an action on an asset, and do it. asset: its view; entry: of the journal, which is undone.
 export function askFor(action, asset, { entry = null, done } = {}) {

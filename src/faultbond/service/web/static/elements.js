@@ -62,9 +62,10 @@ export function symbol(condition) {
   return made;
 }
 
-const SILENT = new Set(["shelved", "suppressed", "out of service"]);
+const SILENT = new Set(["shelved", "suppressed by design", "out of service"]);
+const CALLING = new Set(["unacknowledged", "returned to normal, unacknowledged"]);
 export const isSilenced = (alarm) => Boolean(alarm) && SILENT.has(alarm.state);
-export const isUnacknowledged = (alarm) => Boolean(alarm) && !isSilenced(alarm) && alarm.acknowledged_by == null && alarm.state !== "acknowledged";
+export const isUnacknowledged = (alarm) => Boolean(alarm) && CALLING.has(alarm.state);
 
 // The state of an alarm in words, marked strongly only where somebody has to look.
 export function alarmMark(alarm) {

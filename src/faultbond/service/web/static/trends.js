@@ -237,7 +237,6 @@ export class Trends {
   draw() {
     const { data, period } = this, [begin, end] = this.window(), count = data.time.length;
     const marks = [...(this.marks ?? [])];
-    if (this.lostAt != null && !period) marks.push({ time: end, label: "lost" });
     const view = { known: count, shown: count, begin, end: Math.max(end, begin + 1e-9), times: data.time, marks, cursor: this.cursor, isClock: isUnix(end) };
     const told = this.cursor == null ? count - 1 : placeOf(data.time, this.cursor);
     for (const chart of this.charts) {
