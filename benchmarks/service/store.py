@@ -5,7 +5,9 @@ period; what forgetting costs. The folder is where the store is written: the dis
 """
 
 import sys
+from collections import deque
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
@@ -49,7 +51,7 @@ def rows_of(values: np.ndarray, first: int, n_inputs: int = N_INPUTS) -> RowBloc
     """Give rows at 1 Hz."""
     n = len(values)
     return RowBlock(
-        time=1.7e9 + np.arange(first, first + n),
+        time=1.7e9 + np.arange(first, first + n, dtype=np.float64),
         u=values[:, :n_inputs],
         y=values[:, n_inputs:],
         saturated=np.zeros(n, dtype=np.intp),
@@ -101,12 +103,12 @@ def one_asset(path: Path) -> None:
                 curves=curves_of(rows) if with_curves else None,
                 checkpoint=state if with_curves and k % 60 == 0 else None,
             )
-            times.append(timed(lambda store=store, part=part: store.commit([part])))
+            times.append(timed(partial(store.commit, [part])))
         what = "rows, curves, and 1 MB of state each 60 commits" if with_curves else "rows alone"
         told(f"20 signals, {each} rows a commit, {what}: {1e3 * n / sum(times):,.0f} rows/s", times)
         if with_curves:
             print(f"bytes a row after merging: rows {size_of(store, 0):.0f}, curves {size_of(store, 1):.0f}")
-        read = timed(lambda store=store: sum(1 for _ in store.log_after("a", 0, 0)))
+        read = timed(partial(deque, store.log_after("a", 0, 0), 0))
         print(f"log of {n} rows read in {read:.0f} ms; file {place.stat().st_size / n:.0f} bytes a row")
         store.close()
 
@@ -121,7 +123,7 @@ def many_assets(path: Path) -> None:
         rows = rows_of(values[k : k + 1], k, 2)
         curves = curves_of(rows)
         parts = [Commit(asset=name, rows=rows, arrived=float(k), curves=curves) for name in names]
-        times.append(timed(lambda parts=parts: store.commit(parts)))
+        times.append(timed(partial(store.commit, parts)))
     told(f"100 assets of 4 signals, one row each a commit: {1e3 * n * 100 / sum(times):,.0f} rows/s", times)
     print(f"bytes a row after merging: rows {size_of(store, 0):.0f}, curves {size_of(store, 1):.0f}")
     print(f"a day of one of them read back: {timed(lambda: list(store.log_after('a7', 0, 0))) * 86400 / n:.0f} ms")
@@ -138,7 +140,7 @@ def long_period(path: Path) -> None:
         store.commit([Commit(asset="a", rows=rows, curves=curves_of(rows))])
     for words, span in (("all", n), ("a tenth", n // 10), ("a hundredth", n // 100), ("a thousandth", n // 1000)):
         begin = 1.7e9 + n // 2 - span / 2
-        took = [timed(lambda b=begin, s=span: store.curves("a", b, b + s, 2000)) for _ in range(5)]
+        took = [timed(partial(store.curves, "a", begin, begin + span, 2000)) for _ in range(5)]
         print(f"curves of {words} of a million points of 10 signals, 2000 points: {min(took):.0f} ms")
     print(f"file: {path.stat().st_size / 1e6:.0f} MB")
     store.close()

@@ -16,7 +16,7 @@ from faultbond.io.row_block import RowBlock
 from faultbond.model.graph import BondGraph, TimeColumn, Unit
 from faultbond.model.text import load_model
 from faultbond.service.contract.messages import Arrivals
-from faultbond.service.contract.source import Source, Subscriber
+from faultbond.service.contract.source import LiveSource, Subscriber
 
 COLUMNS = Columns(
     time=TimeColumn(),
@@ -79,14 +79,14 @@ def table(rows: RowBlock) -> FloatArray:
 
 
 async def gather(
-    source: Source,
+    source: LiveSource,
     enough: Callable[[Gathered], bool] = lambda found: False,
     cursors: Mapping[str, str] | None = None,
     into: Gathered | None = None,
 ) -> Gathered:
     """Take what comes until it is enough, or the source ends."""
     found = Gathered() if into is None else into
-    async with aclosing(source.arrivals(cursors or {})) as arrivals:  # type: ignore[type-var]
+    async with aclosing(source.arrivals(cursors or {})) as arrivals:
         async for item in arrivals:
             found.arrivals.append(item)
             if enough(found):
@@ -95,7 +95,7 @@ async def gather(
 
 
 def gathered(
-    source: Source,
+    source: LiveSource,
     enough: Callable[[Gathered], bool] = lambda found: False,
     cursors: Mapping[str, str] | None = None,
     seconds: float = 20.0,

@@ -10,8 +10,8 @@ import numpy as np
 
 from faultbond.errors import StoreError
 from faultbond.io.row_block import Row, RowBlock, block_of_rows
-from faultbond.service.contract.messages import Curves, Deed, Told
-from faultbond.service.contract.store import Commit, Enrolment, Stand
+from faultbond.service.contract.messages import Curves, Deed, NamedRecord
+from faultbond.service.contract.store import Commit, Enrolment, LogPlace
 from faultbond.service.store.peaks import thinned
 
 KEPT = 3  # checkpoints of a log
@@ -26,28 +26,28 @@ class SlowLog:
     points: list[tuple[float, Curves] | None] = field(default_factory=list)
     deeds: list[Deed] = field(default_factory=list)
     times: list[float] = field(default_factory=list)  # of deeds: that of the last row before with a time, else nan
-    checkpoints: list[Stand] = field(default_factory=list)
+    checkpoints: list[LogPlace] = field(default_factory=list)
     cursor: str = ""
     arrived: float = 0.0
 
 
 class MemoryStore:
-    """See `faultbond.service.contract.store.Store`; what is asked of each method stands there."""
+    """See `faultbond.service.contract.store.LogStore`; what is asked of each method stands there."""
 
     def __init__(self) -> None:
         self.logs: dict[tuple[str, str], SlowLog] = {}
         self.newest: dict[str, str] = {}
         self.order: list[tuple[str, str]] = []
-        self.came: list[tuple[Told | Deed, float]] = []
+        self.came: list[tuple[NamedRecord | Deed, float]] = []
         self.contested: list[tuple[str, object]] = []
 
-    def enrol(self, enrolment: Enrolment) -> Stand:
+    def enrol(self, enrolment: Enrolment) -> LogPlace:
         key = (enrolment.asset, enrolment.model_sha256)
         log = self.logs.setdefault(key, SlowLog(enrolment))
         log.enrolment = enrolment
         self.newest[enrolment.asset] = enrolment.model_sha256
         self.order = [item for item in self.order if item != key] + [key]
-        newest = log.checkpoints[-1] if log.checkpoints else Stand()
+        newest = log.checkpoints[-1] if log.checkpoints else LogPlace()
         return replace(newest, rows=len(log.rows), cursor=log.cursor)
 
     def commit(self, parts: Sequence[Commit]) -> None:
@@ -57,16 +57,16 @@ class MemoryStore:
                 raise StoreError(f"there is no asset {part.asset}")
             log = logs[part.asset, self.newest[part.asset]]
             self._grow(log, part)
-            found: tuple[Told | Deed, ...] = (*part.records, *part.deeds)
+            found: tuple[NamedRecord | Deed, ...] = (*part.records, *part.deeds)
             if part.rows is None:
                 found = (*part.deeds, *part.records)
             for item in found:
-                if isinstance(item, Told):
+                if isinstance(item, NamedRecord):
                     self._tell(item, came, contested)
                 else:
                     self._do(item, log, came)
             if part.checkpoint is not None:
-                stand = Stand(
+                stand = LogPlace(
                     checkpoint=part.checkpoint, checkpoint_rows=len(log.rows), checkpoint_deeds=len(log.deeds)
                 )
                 log.checkpoints = [*log.checkpoints, stand][-KEPT:]
@@ -86,15 +86,17 @@ class MemoryStore:
                 raise StoreError("curves of another model")
             log.points += [(log.arrived, _point(part.curves, k)) for k in range(len(part.curves))]
 
-    def _tell(self, item: Told, came: list[tuple[Told | Deed, float]], contested: list[tuple[str, object]]) -> None:
-        before = [other for other, _ in came if isinstance(other, Told) and other.id == item.id]
+    def _tell(
+        self, item: NamedRecord, came: list[tuple[NamedRecord | Deed, float]], contested: list[tuple[str, object]]
+    ) -> None:
+        before = [other for other, _ in came if isinstance(other, NamedRecord) and other.id == item.id]
         content = json.loads(json.dumps(item.content))
         if not before:
             came.append((replace(item, content=content), item.time))
         elif json.dumps(before[0].content) != json.dumps(content) and (item.id, content) not in contested:
             contested.append((item.id, content))
 
-    def _do(self, item: Deed, log: SlowLog, came: list[tuple[Told | Deed, float]]) -> None:
+    def _do(self, item: Deed, log: SlowLog, came: list[tuple[NamedRecord | Deed, float]]) -> None:
         if item.number or item.rows != len(log.rows):
             raise StoreError("a deed is not in its place")
         times = [row[1].time for row in log.rows if row is not None and not isnan(row[1].time)]
@@ -138,8 +140,8 @@ class MemoryStore:
         begin: float | None = None,
         end: float | None = None,
         newest: int | None = None,
-    ) -> Iterator[Told]:
-        found = [item for item in self.journal(asset, begin=begin, end=end) if isinstance(item, Told)]
+    ) -> Iterator[NamedRecord]:
+        found = [item for item in self.journal(asset, begin=begin, end=end) if isinstance(item, NamedRecord)]
         found = [item for item in found if not kinds or item.kind in kinds]
         return iter(found if newest is None else found[len(found) - min(newest, len(found)) :])
 
@@ -149,7 +151,7 @@ class MemoryStore:
 
     def journal(
         self, asset: str | None = None, *, begin: float | None = None, end: float | None = None
-    ) -> Iterator[Told | Deed]:
+    ) -> Iterator[NamedRecord | Deed]:
         return (item for item, time in self.came if asset in (None, item.asset) and _inside(time, begin, end))
 
     def curves(

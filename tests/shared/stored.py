@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from faultbond.io.row_block import RowBlock
-from faultbond.service.contract.messages import Action, Curves, Deed, Told
+from faultbond.service.contract.messages import Action, Curves, Deed, NamedRecord
 from faultbond.service.contract.store import Enrolment
 
 
@@ -35,10 +35,12 @@ def some_curves(first: int, count: int, *, n_inputs: int = 1, n_outputs: int = 2
     )
 
 
-def told(asset: str, sample: int, kind: str = "detection", **content: object) -> Told:
+def told(asset: str, sample: int, kind: str = "detection", **content: object) -> NamedRecord:
     """A record of a sample."""
     name = f"{asset}/a/{sample}/{kind}"
-    return Told(id=name, asset=asset, sample=sample, time=float(sample), kind=kind, content={"record": kind, **content})
+    return NamedRecord(
+        id=name, asset=asset, sample=sample, time=float(sample), kind=kind, content={"record": kind, **content}
+    )
 
 
 def deed(asset: str, rows: int, action: Action = Action.ACKNOWLEDGE, comment: str = "", at: float = 0.0) -> Deed:

@@ -21,7 +21,7 @@ from faultbond.io.typed import TypeLimits, typed
 from faultbond.report.verdict import open_diagnosis
 from faultbond.runtime.trace import Trace
 from faultbond.service.alarm import Alarm
-from faultbond.service.contract.messages import DECISIONS, Action, Curves, Deed, Told
+from faultbond.service.contract.messages import DECISIONS, Action, Curves, Deed, NamedRecord
 from faultbond.types import Method
 
 RECENT = 1200  # grid points that are kept in memory at least, for the report
@@ -29,10 +29,10 @@ _CLOSING = frozenset({"accepted"})  # kinds of records with which an alarm retur
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Outcome:
+class Consequence:
     """What rows or a deed brought: records in their order, curves of the new grid points; None: there are none."""
 
-    records: tuple[Told, ...] = ()
+    records: tuple[NamedRecord, ...] = ()
     curves: Curves | None = None
 
 
@@ -86,17 +86,17 @@ class Asset:
         self.spec = self._watcher.spec
         self._grid = new_grid(self.spec, live=True, clock=before.clock if before else None)
         self._trace = Trace(self.spec, lag=self._watcher.lag, newest=RECENT)
-        self._records: list[Told] = []
+        self._records: list[NamedRecord] = []
         out = Out(text=None, json=None, hear=self._tell)
         following = Following(out=out, trace=self._trace, level=accept)
         self._course = Course(self._watcher, self._grid, following, before)
         self.run = PlantRun(plant=plant, watcher=self._watcher, course=self._course, trace=self._trace)
 
-    def take(self, rows: RowBlock) -> Outcome:
+    def take(self, rows: RowBlock) -> Consequence:
         """Pass rows on in the order of arrival."""
         return self._pass(self._grid.push_block(rows))
 
-    def do(self, deed: Deed, deeds: int) -> Outcome:
+    def do(self, deed: Deed, deeds: int) -> Consequence:
         """Do what a person wants; to take something back is not among it.
 
         Parameters
@@ -111,7 +111,7 @@ class Asset:
         """
         if deed.action not in DECISIONS:
             self.alarm = self.alarm.after(deed)
-            return Outcome()
+            return Consequence()
         hypothesis, before = self._chosen(deed), self._bytes(None)
         self.turn += 1
         if deed.action is Action.REJECT:
@@ -120,7 +120,7 @@ class Asset:
         else:
             self._course.accept(hypothesis, repaired=deed.action is Action.REPAIRED)
         self.undo = Undo(checkpoint=before, rows=deed.rows, deeds=deeds) if before is not None else None
-        return Outcome(records=self._told())
+        return Consequence(records=self._told())
 
     def checkpoint(self) -> bytes | None:
         """Give what it remembers; None as long as rows wait for others, and before the first."""
@@ -191,12 +191,12 @@ class Asset:
         self.undo = Undo(checkpoint=earlier, rows=rows, deeds=deeds) if n_earlier else None
         return saved
 
-    def _pass(self, blocks: Iterable[PointBlock]) -> Outcome:
+    def _pass(self, blocks: Iterable[PointBlock]) -> Consequence:
         n_points = 0
         for points in blocks:
             self._course.take(points)
             n_points += len(points)
-        return Outcome(records=self._told(), curves=self.curves(n_points) if n_points else None)
+        return Consequence(records=self._told(), curves=self.curves(n_points) if n_points else None)
 
     def _tell(self, record: Mapping[str, object]) -> None:
         """Take a record of the run, and let the alarm follow."""
@@ -207,7 +207,7 @@ class Asset:
         elif kind in _CLOSING:
             self.alarm = self.alarm.returned(time)
         self._records.append(
-            Told(
+            NamedRecord(
                 id=f"{self.name}/{self.spec.model_sha256[:12]}/{self.turn}/{sample}/{kind}",
                 asset=self.name,
                 sample=sample,
@@ -224,7 +224,7 @@ class Asset:
             self._trace.conclude(left)
             self._tell(diagnosis_record(left))
 
-    def _told(self) -> tuple[Told, ...]:
+    def _told(self) -> tuple[NamedRecord, ...]:
         told = tuple(self._records)
         self._records.clear()
         return told

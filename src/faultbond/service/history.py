@@ -28,8 +28,8 @@ from faultbond.model.document import ModelDocument
 from faultbond.model.graph import BondGraph, Input, Sensor, Unit
 from faultbond.model.text import parse_model
 from faultbond.report.numbers import clock_text, probability_text
-from faultbond.service.contract.messages import DECISIONS, Action, Deed, Told
-from faultbond.service.contract.store import Enrolment, Store
+from faultbond.service.contract.messages import DECISIONS, Action, Deed, NamedRecord
+from faultbond.service.contract.store import Enrolment, LogStore
 from faultbond.service.store.chunks import joined_rows
 
 EXACT = 17  # digits that give a number back to the last bit
@@ -46,7 +46,7 @@ class Excerpt:
     end: float | None = None
 
 
-def tell_history(store: Store, wanted: Excerpt, *, output: Path | None, out: Out) -> None:
+def tell_history(store: LogStore, wanted: Excerpt, *, output: Path | None, out: Out) -> None:
     """List the journal of a period; with a file write the measurements or the report of it instead.
 
     Parameters
@@ -86,9 +86,9 @@ def tell_history(store: Store, wanted: Excerpt, *, output: Path | None, out: Out
     out.record({"record": "history", "asset": assets[0], "output": str(output), "model": enrolment.label})
 
 
-def line_of(item: Told | Deed) -> str:
+def line_of(item: NamedRecord | Deed) -> str:
     """Give a record, or what a person did, as a line of text."""
-    if isinstance(item, Told):
+    if isinstance(item, NamedRecord):
         return f"{clock_text(item.time)}  {item.asset}  {item.kind}{_content_text(item.content)}"
     what = " ".join(filter(None, (item.action.value, " ".join(item.target))))
     if item.undone is not None:
@@ -99,9 +99,9 @@ def line_of(item: Told | Deed) -> str:
     return f"{clock_text(item.at)}  {item.asset}  entry {item.number}, {item.who}: {what}{comment}"
 
 
-def record_of(item: Told | Deed) -> Record:
+def record_of(item: NamedRecord | Deed) -> Record:
     """Give a record with its id and asset, or what a person did as a record `deed`."""
-    if isinstance(item, Told):
+    if isinstance(item, NamedRecord):
         return {**item.content, "id": item.id, "asset": item.asset}
     return {
         "record": "deed",
@@ -165,7 +165,7 @@ def _decide(begun: BegunRun, deed: Deed) -> None:
         course.accept(chosen, repaired=deed.action is Action.REPAIRED)
 
 
-def _assets(store: Store, name: str | None) -> list[str]:
+def _assets(store: LogStore, name: str | None) -> list[str]:
     """Give the names of the assets that are meant, one at least."""
     known = list(dict.fromkeys(item.asset for item in store.enrolments()))
     if not known:
@@ -177,7 +177,7 @@ def _assets(store: Store, name: str | None) -> list[str]:
     return [name]
 
 
-def _in_force(store: Store, asset: str, wanted: Excerpt) -> Enrolment:
+def _in_force(store: LogStore, asset: str, wanted: Excerpt) -> Enrolment:
     """Give the model with rows in a period, of several that which was enrolled last."""
     for enrolment in reversed([*store.enrolments(asset)]):
         log = store.log_between(asset, wanted.begin, wanted.end, enrolment.model_sha256)

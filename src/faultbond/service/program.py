@@ -15,11 +15,11 @@ from faultbond.contract.json_records import Record
 from faultbond.errors import FaultbondError
 from faultbond.io.out import Out
 from faultbond.service.contract.source import Subscriber
-from faultbond.service.serving import Service
 from faultbond.service.site import Site
+from faultbond.service.site_log import Done
 from faultbond.service.sources.opening import open_source
+from faultbond.service.station import Service
 from faultbond.service.store.sqlite import SqliteStore
-from faultbond.service.watching import Done
 from faultbond.service.web.security import Guard, LocalGuard, LoginGuard, Role
 from faultbond.service.web.shield import LOOPBACK
 
@@ -28,7 +28,7 @@ GRACE = 5  # s that answers which are being given have at the end
 
 
 def serve(site: Site, *, out: Out, check: bool = False) -> None:
-    """Watch a site and show it, until a signal comes; then every asset is kept as it stands.
+    """SiteLog a site and show it, until a signal comes; then every asset is kept as it stands.
 
     check: only say what would be watched, once it is known that it can be.
 

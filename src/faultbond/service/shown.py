@@ -14,15 +14,15 @@ from faultbond.report.numbers import Notation, unit_text
 from faultbond.report.suspects import SuspectRow
 from faultbond.report.verdict import best_group, fault_probabilities, set_name, view_of
 from faultbond.service.asset import Asset
+from faultbond.service.asset_status import BEGINNING, AssetStatus
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import Action, Curves, Deed
-from faultbond.service.standing import BEGINNING, Standing
 
 RANKED = 6  # candidates whose probability is drawn over time
 _DECIDE = (Action.ACCEPT, Action.REJECT, Action.REPAIRED)
 
 
-def summary_of(asset: Asset, standing: Standing, *, since: float, now: float) -> Shown:
+def summary_of(asset: Asset, standing: AssetStatus, *, since: float, now: float) -> Shown:
     """Give the summary of an asset. since: of its status, Unix s; now: the same of this moment."""
     alarm, detection, diagnosis = asset.alarm, asset.detection, asset.diagnosis
     best = diagnosis.candidates[0] if diagnosis is not None and diagnosis.candidates else None
@@ -31,6 +31,7 @@ def summary_of(asset: Asset, standing: Standing, *, since: float, now: float) ->
         shown = {
             "state": alarm.state(now).value,
             "since": alarm.since,
+            "time": detection.time if detection else None,
             "acknowledged_by": alarm.acknowledged_by,
             "shelved_until": alarm.shelved_until if alarm.is_shelved(now) else None,
             "signals": list(detection.signals) if detection else [],

@@ -17,6 +17,7 @@ from faultbond.types import TimeGrid
 HOST, PORT = "127.0.0.1", 8350
 STORE = Path("faultbond.sqlite")
 SIMULATED = "sim:"
+SHOWN = "sim:?speed=10"  # of the built-in plant: its fault comes after half a minute
 ROLES = ("view", "operate", "engineer")
 _KEYS = ("name", "store", "listen", "source", "accept", "assets", "users", "keep")
 
@@ -73,7 +74,8 @@ def site_of(
         name = path.stem if path.stem != "model" else path.resolve().parent.name
         if any(item.name == name for item in assets):
             raise FaultbondError(f"{path}: there is an asset {name} already. Name them in a site file, by --site.")
-        assets.append(SiteAsset(name=name, plant=_plant(path), source=source or SIMULATED, accept=accept))
+        usual = SIMULATED if models else SHOWN
+        assets.append(SiteAsset(name=name, plant=_plant(path), source=source or usual, accept=accept))
     names = ", ".join(item.name for item in assets)
     return Site(name=names, assets=tuple(assets), store=store or str(STORE), port=PORT if port is None else port)
 

@@ -17,11 +17,11 @@ from faultbond.errors import FaultbondError, StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.alarm import AlarmState
 from faultbond.service.asset import Asset
-from faultbond.service.contract.messages import Action, Told
+from faultbond.service.contract.messages import Action, NamedRecord
 from loop_asset import FOUND, MODEL, RECORDING, deed, plant, rows
 
 
-def passed(asset: Asset, block: RowBlock, cuts: Iterable[int] = ()) -> list[Told]:
+def passed(asset: Asset, block: RowBlock, cuts: Iterable[int] = ()) -> list[NamedRecord]:
     """Pass rows in portions; gives the records."""
     portions = [block.part(slice(a, b)) for a, b in pairwise([0, *cuts, len(block)])]
     return [told for portion in portions for told in asset.take(portion).records]

@@ -18,7 +18,7 @@ from broker import MOSQUITTO, Mosquitto
 from faultbond.errors import FaultbondError, SourceError
 from faultbond.io.recording import Column, Columns
 from faultbond.model.graph import TimeColumn, Unit
-from faultbond.service.contract.source import Source, Subscriber
+from faultbond.service.contract.source import LiveSource, Subscriber
 from faultbond.service.sources.opening import open_source
 from faultbond.service.sources.options import SourceOptions
 
@@ -38,7 +38,7 @@ def broker(tmp_path: Path) -> Iterator[Mosquitto]:
 
 
 @asynccontextmanager
-async def listening(source: Source, enough: Enough) -> AsyncIterator[asyncio.Task[Gathered]]:
+async def listening(source: LiveSource, enough: Enough) -> AsyncIterator[asyncio.Task[Gathered]]:
     """Listen meanwhile; the task ends when it is enough."""
     task = asyncio.create_task(gather(source, enough))
     await asyncio.sleep(0.3)  # until it has subscribed

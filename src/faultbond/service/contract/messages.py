@@ -88,7 +88,7 @@ class Arrivals:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
+class NamedRecord:
     """A record, as `run` writes it, with a name of its own: the same sample gives the same name, however often.
 
     id: asset, model, grid point and kind. sample: grid point. time: of the recording's clock.

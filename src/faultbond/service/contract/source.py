@@ -1,6 +1,6 @@
 """What a source of live values offers."""
 
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncGenerator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -18,7 +18,7 @@ class Subscriber:
     graph: BondGraph
 
 
-class Source(Protocol):
+class LiveSource(Protocol):
     """Gives arrivals until it ends or is cancelled. It is opened by `arrivals`, and closes what it opened.
 
     A source that loses its other side says so by `SourceError`; who runs it begins again, behind the cursors of what
@@ -29,5 +29,5 @@ class Source(Protocol):
     def address(self) -> str:
         """What the user called it, without secrets."""
 
-    def arrivals(self, cursors: Mapping[str, str]) -> AsyncIterator[Arrivals]:
+    def arrivals(self, cursors: Mapping[str, str]) -> AsyncGenerator[Arrivals, None]:
         """Give what comes, from behind these cursors by asset; an asset without one is begun."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from faultbond.io.row_block import RowBlock
-from faultbond.service.contract.messages import Curves, Deed, Told
+from faultbond.service.contract.messages import Curves, Deed, NamedRecord
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -25,13 +25,13 @@ class Commit:
     arrived: float = 0.0
     cursor: str = ""
     curves: Curves | None = None
-    records: tuple[Told, ...] = ()
+    records: tuple[NamedRecord, ...] = ()
     deeds: tuple[Deed, ...] = ()
     checkpoint: bytes | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stand:
+class LogPlace:
     """Where an asset's log stands.
 
     rows: that it has. cursor: of the last arrivals. checkpoint: the newest, behind `checkpoint_rows` rows and
@@ -57,14 +57,14 @@ class Enrolment:
     n_outputs: int
 
 
-class Store(Protocol):
+class LogStore(Protocol):
     """Keeps logs, records and checkpoints. Calls come from one thread at a time.
 
     Every method raises `StoreError` where the store cannot be read or written, in words that name it and what to do.
     What `commit` was given is safe when it returns, and a record is kept once however often it is given.
     """
 
-    def enrol(self, enrolment: Enrolment) -> Stand:
+    def enrol(self, enrolment: Enrolment) -> LogPlace:
         """Make an asset known and tell where its log stands.
 
         One of another model has another log; the old one is kept, and goes on where its model comes back, so that a
@@ -96,7 +96,7 @@ class Store(Protocol):
 
     def journal(
         self, asset: str | None = None, *, begin: float | None = None, end: float | None = None
-    ) -> Iterator[Told | Deed]:
+    ) -> Iterator[NamedRecord | Deed]:
         """Give records and deeds in the order in which they came, of a period as in `log_between`."""
 
     def records(
@@ -107,7 +107,7 @@ class Store(Protocol):
         begin: float | None = None,
         end: float | None = None,
         newest: int | None = None,
-    ) -> Iterator[Told]:
+    ) -> Iterator[NamedRecord]:
         """Give records in the order in which they came, of a period of their clock; `newest`: only so many."""
 
     def deeds(self, asset: str | None = None, *, newest: int | None = None) -> Iterator[Deed]:

@@ -10,7 +10,7 @@ import math
 import os
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncGenerator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
@@ -227,7 +227,7 @@ class GrowingFile:
         """The file."""
         return f"file:{self._path}"
 
-    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncIterator[Arrivals]:
+    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncGenerator[Arrivals, None]:
         """Give what is in the file, and what comes; it does not end."""
         followers = [_Follower(self._path, item, cursors.get(item.asset, "")) for item in self._subscribers]
         try:
@@ -263,7 +263,7 @@ class Replay:
         """The file and the speed."""
         return f"file:{self._path}?speed={'max' if math.isinf(self._speed) else f'{self._speed:g}'}"
 
-    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncIterator[Arrivals]:
+    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncGenerator[Arrivals, None]:
         """Give the rows that are due, until there are no more."""
         tapes = [_Tape(self._path, item, cursors.get(item.asset, "")) for item in self._subscribers]
         begun = time.monotonic()

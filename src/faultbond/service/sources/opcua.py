@@ -1,7 +1,7 @@
 """OPC UA: values of a server by subscription. Nothing here writes, calls or adds; a test reads this file for it."""
 
 import asyncio
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncGenerator, Mapping, Sequence
 from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,7 +79,7 @@ class OpcUaSource:
         """What the user called it, without the password."""
         return self._server.shown
 
-    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncIterator[Arrivals]:
+    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncGenerator[Arrivals, None]:
         """Give rows as they come; a server does not go back, so a cursor means nothing.
 
         Raises

@@ -13,7 +13,7 @@ from urllib.parse import unquote, urlsplit
 from faultbond.errors import FaultbondError, ModelError
 from faultbond.io.faults import FaultRequest, parse_fault
 from faultbond.io.times import finite_number
-from faultbond.service.contract.source import Source, Subscriber
+from faultbond.service.contract.source import LiveSource, Subscriber
 from faultbond.service.sources.growing_file import GrowingFile, Replay
 from faultbond.service.sources.intake import held_columns
 from faultbond.service.sources.options import SourceOptions
@@ -29,7 +29,7 @@ LATEST_FAULT = 1e9  # s after the begin; what is later was meant as a date
 Details = Mapping[str, Sequence[str]]
 
 
-def open_source(address: str, subscribers: Sequence[Subscriber], options: SourceOptions | None = None) -> Source:
+def open_source(address: str, subscribers: Sequence[Subscriber], options: SourceOptions | None = None) -> LiveSource:
     """Give the source of an address; nothing is connected before its arrivals are asked for.
 
     Parameters
@@ -137,7 +137,7 @@ class _Asked:
         return text == "1" if text else default
 
 
-def _simulated(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> Source:
+def _simulated(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> LiveSource:
     asked = _Asked(place, settings, ("speed", "seed", "fault", "noise", "inputs"))
     if place.lower() != "sim:":
         raise asked.mistake("nothing stands between sim: and the settings, such as sim:?speed=10.")
@@ -178,7 +178,7 @@ def _faults(asked: _Asked, subscribers: Sequence[Subscriber]) -> tuple[FaultRequ
     return tuple(found)
 
 
-def _file(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> Source:
+def _file(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> LiveSource:
     asked = _Asked(place, settings, ("speed",))
     path = Path(re.sub(r"^file:(//(?=/))?", "", place, flags=re.IGNORECASE)).expanduser()
     if path == Path():
@@ -192,7 +192,7 @@ def _file(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
     return GrowingFile(path, subscribers)
 
 
-def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> Source:
+def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> LiveSource:
     asked = _Asked(place, settings, ("client", "qos", "patience", "together"))
     scheme, _, rest = place.partition("://")
     authority, _, topic = rest.partition("/")
@@ -223,7 +223,7 @@ def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
     return MqttSource(broker, filters, subscribers, options)
 
 
-def _opcua(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> Source:
+def _opcua(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> LiveSource:
     asked = _Asked(place, settings, ("ns", "period", "security", "patience", "together"))
     authority, slash, path = place.partition("://")[2].partition("/")
     host, port, user, password = _log_in(asked, authority, options)
@@ -305,5 +305,5 @@ def _tls(asked: _Asked, options: SourceOptions) -> ssl.SSLContext:
     return context
 
 
-Opened = Callable[[str, Details, Sequence[Subscriber], SourceOptions], Source]
+Opened = Callable[[str, Details, Sequence[Subscriber], SourceOptions], LiveSource]
 OPENED: Mapping[str, Opened] = {"sim": _simulated, "file": _file, "mqtt": _mqtt, "mqtts": _mqtt, "opc.tcp": _opcua}

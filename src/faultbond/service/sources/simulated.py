@@ -9,7 +9,7 @@ import asyncio
 import json
 import math
 import time
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncGenerator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from hashlib import sha256
@@ -262,7 +262,7 @@ class SimulatedPlant:
         """What the user called it."""
         return self._shown
 
-    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncIterator[Arrivals]:
+    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncGenerator[Arrivals, None]:
         """Give rows at their time.
 
         Raises

@@ -4,7 +4,7 @@ import asyncio
 import os
 import select
 import time
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncGenerator, Mapping, Sequence
 
 from faultbond.errors import RecordingError, SourceError
 from faultbond.io.recording import RowFeed
@@ -38,7 +38,7 @@ class StandardInput:
         """What stands for standard input."""
         return "-"
 
-    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncIterator[Arrivals]:
+    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncGenerator[Arrivals, None]:
         """Give rows as they come; a cursor means nothing here.
 
         Raises

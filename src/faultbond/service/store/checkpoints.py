@@ -3,7 +3,7 @@
 import zlib
 from collections.abc import Callable
 
-from faultbond.service.contract.store import Stand
+from faultbond.service.contract.store import LogPlace
 from faultbond.service.store.database import Database
 from faultbond.service.store.tail import Log
 
@@ -24,12 +24,12 @@ def write_checkpoint(database: Database, log: Log, content: bytes) -> None:
     database.change(f"DELETE FROM checkpoints WHERE number IN ({older})", log.number, KEPT)  # noqa: S608
 
 
-def stand_of(database: Database, log: Log, tell: Callable[[str], None]) -> Stand:
+def stand_of(database: Database, log: Log, tell: Callable[[str], None]) -> LogPlace:
     """Give where a log stands, with the newest checkpoint that is whole; `tell` hears of one that is not."""
     statement = "SELECT rows, deeds, checksum, content FROM checkpoints WHERE log=? ORDER BY number DESC"
     for rows, deeds, checksum, content in database.rows(statement, log.number):
         if zlib.crc32(content) == checksum:
-            return Stand(
+            return LogPlace(
                 rows=log.rows,
                 cursor=log.cursor,
                 checkpoint=content,
@@ -40,4 +40,4 @@ def stand_of(database: Database, log: Log, tell: Callable[[str], None]) -> Stand
             f"{database.path}: the state of {log.name!r} behind row {rows} is damaged on the disk; that before it is "
             "taken. Check the disk."
         )
-    return Stand(rows=log.rows, cursor=log.cursor)
+    return LogPlace(rows=log.rows, cursor=log.cursor)

@@ -154,7 +154,7 @@ class Database:
         try:
             yield
         except sqlite3.Error as error:
-            raise refusal(self.path, error) from error
+            raise store_error(self.path, error) from error
 
     def used(self) -> int:
         """Give how many bytes of the file hold something."""
@@ -230,7 +230,7 @@ def is_full(error: BaseException | None) -> bool:
     return getattr(error, "sqlite_errorname", "") == "SQLITE_FULL"
 
 
-def refusal(path: Path, error: sqlite3.Error) -> StoreError:
+def store_error(path: Path, error: sqlite3.Error) -> StoreError:
     """Give what SQLite refused as an error that says what it means for the user, and what to do."""
     name = str(getattr(error, "sqlite_errorname", ""))
     known = {

@@ -20,8 +20,8 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import StoreError
 from faultbond.io.row_block import RowBlock
-from faultbond.service.contract.messages import Action, Curves, Deed, Told
-from faultbond.service.contract.store import Commit, Enrolment, Stand
+from faultbond.service.contract.messages import Action, Curves, Deed, NamedRecord
+from faultbond.service.contract.store import Commit, Enrolment, LogPlace
 from faultbond.service.store.checkpoints import stand_of, write_checkpoint
 from faultbond.service.store.chunks import curves_at
 from faultbond.service.store.database import Database, is_full
@@ -54,7 +54,7 @@ Written = TypeVar("Written")
 
 
 class SqliteStore:
-    """A store in one file; see `base.Store`.
+    """A store in one file; see `contract.store.LogStore`.
 
     A record that comes again with another content is told of by `tell` and kept beside the first, see `contested`, and
     the commit stands: people and other programs have seen the first, and who refused the second would refuse it after
@@ -109,8 +109,8 @@ class SqliteStore:
                 self._lock.release()
                 self._lock = None
 
-    def enrol(self, enrolment: Enrolment) -> Stand:
-        """Make an asset known and tell where its log stands; see `base.Store`."""
+    def enrol(self, enrolment: Enrolment) -> LogPlace:
+        """Make an asset known and tell where its log stands; see `contract.store.LogStore`."""
         log = self._writing(lambda: self._enrol(enrolment))
         self._logs[enrolment.asset] = log
         return stand_of(self._database, log, self._tell)
@@ -130,7 +130,7 @@ class SqliteStore:
             self._tell(line)
 
     def log_after(self, asset: str, rows: int, deeds: int) -> Iterator[RowBlock | Deed]:
-        """Give rows and deeds of the log behind so many of each, in their order; see `base.Store`."""
+        """Give rows and deeds of the log behind so many of each, in their order; see `contract.store.LogStore`."""
         log = self._log(asset)
         done = self._deeds("log=? AND place>? AND place<=?", [log.number, deeds, log.deeds])
         return _interleaved(self._whole(log, rows), (deed for _, deed in done))
@@ -138,7 +138,7 @@ class SqliteStore:
     def log_between(
         self, asset: str, begin: float | None = None, end: float | None = None, model_sha256: str | None = None
     ) -> Iterator[RowBlock | Deed]:
-        """Give what is kept of a log in a period; see `base.Store`."""
+        """Give what is kept of a log in a period; see `contract.store.LogStore`."""
         log = self._log(asset, model_sha256)
         wanted, limits = _period(begin, end)
         done = self._deeds(f"log=? AND place<=?{wanted}", [log.number, log.deeds, *limits])
@@ -160,8 +160,8 @@ class SqliteStore:
         begin: float | None = None,
         end: float | None = None,
         newest: int | None = None,
-    ) -> Iterator[Told]:
-        """Give records in the order in which they came; see `base.Store`."""
+    ) -> Iterator[NamedRecord]:
+        """Give records in the order in which they came; see `contract.store.LogStore`."""
         wanted, values = self._chosen(asset, begin, end)
         if kinds:
             wanted, values = f"{wanted} AND kind IN ({', '.join('?' * len(kinds))})", [*values, *kinds]
@@ -175,10 +175,13 @@ class SqliteStore:
 
     def journal(
         self, asset: str | None = None, *, begin: float | None = None, end: float | None = None
-    ) -> Iterator[Told | Deed]:
-        """Give records and deeds in the order in which they came, of a period; see `base.Store`."""
+    ) -> Iterator[NamedRecord | Deed]:
+        """Give records and deeds in the order in which they came, of a period; see `contract.store.LogStore`."""
         wanted, values = self._chosen(asset, begin, end)
-        found: list[Iterator[tuple[int, Told | Deed]]] = [self._records(wanted, values), self._deeds(wanted, values)]
+        found: list[Iterator[tuple[int, NamedRecord | Deed]]] = [
+            self._records(wanted, values),
+            self._deeds(wanted, values),
+        ]
         merged = heapq.merge(*found, key=itemgetter(0))
         return (item for _, item in merged)
 
@@ -201,7 +204,7 @@ class SqliteStore:
         return found if most is None else thinned(found, most)
 
     def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> int:
-        """Forget rows and curves, never records or deeds, and give how many rows went; see `base.Store`.
+        """Forget rows and curves, never records or deeds, and give how many rows went; see `contract.store.LogStore`.
 
         A large chunk goes as a whole, once all of it may go. So does what the oldest checkpoint that is kept needs.
         """
@@ -283,7 +286,7 @@ class SqliteStore:
 
     def _write_found(self, log: Log, part: Commit, came: int, told: list[str]) -> tuple[Log, int]:
         """Write the records and deeds of a part: what rows gave before the deeds, what deeds alone gave behind them."""
-        items: tuple[Told | Deed, ...] = (*part.records, *part.deeds)
+        items: tuple[NamedRecord | Deed, ...] = (*part.records, *part.deeds)
         if part.rows is None:
             items = (*part.deeds, *part.records)
         for item in items:
@@ -317,7 +320,7 @@ class SqliteStore:
             checksum=zlib.crc32(content.encode()),
         )
 
-    def _write_record(self, log: Log, record: Told, came: int, told: list[str]) -> None:
+    def _write_record(self, log: Log, record: NamedRecord, came: int, told: list[str]) -> None:
         """Write a record, once."""
         content = json.dumps(record.content)
         before = self._database.number("SELECT content FROM records WHERE id=?", record.id)
@@ -438,14 +441,14 @@ class SqliteStore:
             yield from found
             first = found[-1][0] + 1
 
-    def _records(self, wanted: str, values: Sequence[object], first: int = 0) -> Iterator[tuple[int, Told]]:
+    def _records(self, wanted: str, values: Sequence[object], first: int = 0) -> Iterator[tuple[int, NamedRecord]]:
         """Give records that fulfil something, each with the number by which it came."""
         names = "(SELECT name FROM assets WHERE assets.number=asset)"
         what = f"number, id, {names}, came, sample, time, kind, content, checksum"
         for row in self._paged("records", what, wanted, values, first):
             _, name, asset, came, sample, time, kind, content, checksum = row
             self._check(content, checksum, f"record {name!r}")
-            told = Told(
+            told = NamedRecord(
                 id=name,
                 asset=asset,
                 sample=sample,

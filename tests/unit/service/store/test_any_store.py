@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from faultbond.errors import StoreError
-from faultbond.service.contract.messages import Action, Curves, Deed, Told
+from faultbond.service.contract.messages import Action, Curves, Deed, NamedRecord
 from faultbond.service.contract.store import Commit
 from faultbond.service.store import sqlite, tail
 from faultbond.service.store.sqlite import SqliteStore
@@ -111,7 +111,7 @@ class AnySequence(RuleBasedStateMachine):
         points = draw(st.one_of(st.none(), st.integers(0, 15)))
         grown[asset] = (n + (count or 0), n_points + (points or 0))
         records = [
-            Told(
+            NamedRecord(
                 id=f"{asset}{model[0]}{sample}",
                 asset=asset,
                 sample=sample,

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from faultbond.errors import StoreError
-from faultbond.service.contract.store import Commit, Store
+from faultbond.service.contract.store import Commit, LogStore
 from faultbond.service.store.database import FORMAT
 from faultbond.service.store.sqlite import SqliteStore
 from stored import deed, enrolment, flat, some_curves, some_rows, told
@@ -370,7 +370,7 @@ def test_a_part_that_does_not_fit(tmp_path: Path, part: Commit, reason: str) -> 
 
 def watch(path: Path, pipe: Connection) -> None:
     """Read a store again and again until told to stop; what is read must be whole each time."""
-    reader: Store = SqliteStore(path, writes=False)
+    reader: LogStore = SqliteStore(path, writes=False)
     reads, rows = 0, 0
     try:
         while not pipe.poll():

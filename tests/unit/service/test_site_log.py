@@ -11,17 +11,17 @@ import pytest
 
 from faultbond.errors import StoreError
 from faultbond.service.contract.messages import Action, Arrivals, Deed
-from faultbond.service.contract.store import Commit, Store
+from faultbond.service.contract.store import Commit, LogStore
+from faultbond.service.site_log import AssetPlan, Done, SiteLog
 from faultbond.service.store.sqlite import SqliteStore
-from faultbond.service.watching import AssetPlan, Done, Watch
 from loop_asset import FOUND, deed, plant, rows
 from memory_store import MemoryStore
 
 
-def watch(store: Any, every: float = 0.0) -> Watch:
-    """Watch the loop; `every`: s that pass with each look at the clock."""
+def watch(store: Any, every: float = 0.0) -> SiteLog:
+    """SiteLog the loop; `every`: s that pass with each look at the clock."""
     times = iter(np.arange(0.0, 1e9, every)) if every else iter(lambda: 0.0, 1.0)
-    return Watch([AssetPlan(name="loop", plant=plant())], store, clock=lambda: float(next(times)))
+    return SiteLog([AssetPlan(name="loop", plant=plant())], store, clock=lambda: float(next(times)))
 
 
 def arrivals(first: int, last: int) -> Arrivals:
@@ -29,7 +29,7 @@ def arrivals(first: int, last: int) -> Arrivals:
     return Arrivals(asset="loop", rows=rows().part(slice(first, last)), arrived=1000.0 + last, cursor=str(last))
 
 
-def work(watch: Watch, *items: Arrivals | Deed) -> list[Done]:
+def work(watch: SiteLog, *items: Arrivals | Deed) -> list[Done]:
     """Take items and write what came of them."""
     done = watch.take(items)
     watch.settle()
@@ -45,19 +45,19 @@ def stores(tmp_path: Path) -> Iterator[tuple[SqliteStore, SqliteStore]]:
         store.close()
 
 
-def told(store: Store) -> list[tuple[str, object]]:
+def told(store: LogStore) -> list[tuple[str, object]]:
     """Give all records, each with its name."""
     return [(item.id, item.content) for item in store.records()]
 
 
-def best(watch: Watch) -> tuple[str, ...]:
+def best(watch: SiteLog) -> tuple[str, ...]:
     """Give the suspects of the best candidate."""
     diagnosis = watch.assets["loop"].diagnosis
     assert diagnosis is not None
     return diagnosis.candidates[0].parameters
 
 
-def played(store: Store, seed: int, stops: Sequence[int]) -> Watch:
+def played(store: LogStore, seed: int, stops: Sequence[int]) -> SiteLog:
     """Play a day: rows in portions, people in between; at some items the service is killed and begins again."""
     rng = np.random.default_rng(seed)
     now, first, n_items = watch(store, every=20.0), 0, 0

@@ -18,7 +18,7 @@ LIKELY = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Standing:
+class AssetStatus:
     """Status, monitoring and a sentence."""
 
     status: Ne107
@@ -31,7 +31,7 @@ def patience(asset: Asset) -> float:
     return PATIENCE * max(asset.spec.sample_time or 1.0, 1.0)
 
 
-def standing(asset: Asset, *, silence: float | None, stopped: bool = False) -> Standing:
+def asset_status(asset: Asset, *, silence: float | None, stopped: bool = False) -> AssetStatus:
     """Tell how an asset stands.
 
     Parameters
@@ -43,13 +43,13 @@ def standing(asset: Asset, *, silence: float | None, stopped: bool = False) -> S
     monitoring = _monitoring(asset, silence, stopped=stopped)
     healthy, told = _of_the_plant(asset, monitoring)
     if monitoring is Monitoring.STOPPED:
-        return Standing(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=f"Not watched. {told}")
+        return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=f"Not watched. {told}")
     if monitoring is Monitoring.NO_DATA:
-        last = "" if silence is None else f" for {duration_text(silence, digits=2)}"
-        return Standing(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=f"No data{last}. {told}".strip())
+        headline = f"No data{'' if silence is None else f' for {duration_text(silence, digits=2)}'}. {told}"
+        return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=headline)
     if asset.alarm.out_of_service:
-        return Standing(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=f"Out of service. {told}")
-    return Standing(status=healthy, monitoring=monitoring, headline=told)
+        return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=f"Out of service. {told}")
+    return AssetStatus(status=healthy, monitoring=monitoring, headline=told)
 
 
 def _monitoring(asset: Asset, silence: float | None, *, stopped: bool) -> Monitoring:
@@ -68,7 +68,7 @@ def _of_the_plant(asset: Asset, monitoring: Monitoring) -> tuple[Ne107, str]:
         at = f"Alarm at {clock_text(detection.time)}"
         if diagnosis is None or not diagnosis.candidates:
             return Ne107.FAILURE, f"{at}; there is no diagnosis yet."
-        return _status_of(diagnosis), f"{at}: {sentence_of(asset.plant.graph, diagnosis)}"
+        return _status_of(diagnosis), f"{at}: {diagnosis_line(asset.plant.graph, diagnosis)}"
     if asset.status is Status.OUTSIDE:
         return Ne107.CHECK_FUNCTION, "The model does not hold in this operation; nothing is judged."
     if monitoring is Monitoring.INITIALISING:
@@ -93,7 +93,7 @@ def _status_of(diagnosis: Diagnosis) -> Ne107:
     return Ne107.FAILURE if best.probability > 0.0 else Ne107.OFF_SPEC
 
 
-def sentence_of(graph: BondGraph, diagnosis: Diagnosis) -> str:
+def diagnosis_line(graph: BondGraph, diagnosis: Diagnosis) -> str:
     """Say in a line what a diagnosis comes to."""
     group = best_group(diagnosis)
     named = [f"{set_name(graph, item)} ({probability_text(item.probability)} %)" for item in group[:NAMED]]

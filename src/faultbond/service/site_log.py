@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from faultbond.app.plant import WatchedPlant
 from faultbond.errors import FaultbondError, RecordingError, StoreError
 from faultbond.io.row_block import RowBlock
-from faultbond.service.asset import Asset, Outcome
-from faultbond.service.contract.messages import Action, Arrivals, Deed, Told
-from faultbond.service.contract.store import Commit, Enrolment, Stand, Store
+from faultbond.service.asset import Asset, Consequence
+from faultbond.service.contract.messages import Action, Arrivals, Deed, NamedRecord
+from faultbond.service.contract.store import Commit, Enrolment, LogPlace, LogStore
 
 EVERY = 60.0  # s between two checkpoints of an asset
 
@@ -29,7 +29,7 @@ class Done:
     """What came of an item: rows, or a deed. error: why a deed was refused; None: it was not."""
 
     asset: str
-    outcome: Outcome
+    outcome: Consequence
     deed: Deed | None = None
     error: FaultbondError | None = None
 
@@ -46,7 +46,7 @@ class _Place:
     kept_at: float
 
 
-class Watch:
+class SiteLog:
     """The assets of a site, each as the store knows it.
 
     What `take` was given is in the store when `settle` returns. Where the store fails, `settle` raises and may be tried
@@ -59,7 +59,9 @@ class Watch:
     clock : gives s, for the time between checkpoints
     """
 
-    def __init__(self, plans: Iterable[AssetPlan], store: Store, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, plans: Iterable[AssetPlan], store: LogStore, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self._store, self._clock = store, clock
         self._places = {plan.name: self._restored(plan) for plan in plans}
         self._unwritten: tuple[Commit, ...] = ()
@@ -79,7 +81,13 @@ class Watch:
         return self._places[asset].rows
 
     def take(self, items: Sequence[Arrivals | Deed]) -> list[Done]:
-        """Pass rows and deeds on in their order, and tell what came of each; to be settled then."""
+        """Pass rows and deeds on in their order, and tell what came of each; to be settled then.
+
+        Raises
+        ------
+        ValueError
+            Where what was taken before has not been settled.
+        """
         if self._unwritten:
             raise ValueError("what was taken before has not been settled")
         done = [self._take(item) for item in items]
@@ -116,11 +124,11 @@ class Watch:
         try:
             deed, outcome = self._do(place, deed)
         except FaultbondError as error:
-            return Done(asset=item.asset, outcome=Outcome(), error=error)
+            return Done(asset=item.asset, outcome=Consequence(), error=error)
         place.deeds += 1
         return Done(asset=item.asset, outcome=outcome, deed=deed)
 
-    def _do(self, place: _Place, deed: Deed) -> tuple[Deed, Outcome]:
+    def _do(self, place: _Place, deed: Deed) -> tuple[Deed, Consequence]:
         """Do a deed of the log, or a new one; gives it as it is to be kept."""
         if deed.action is not Action.UNDO:
             return deed, place.asset.do(deed, place.deeds)
@@ -129,7 +137,7 @@ class Watch:
             raise FaultbondError(f"{deed.asset}: there is no decision that can be taken back.")
         asset = Asset(place.plan.name, place.plan.plant, undo.checkpoint, accept=place.plan.accept)
         asset.turn, undone, deeds = place.asset.turn + 1, 0, undo.deeds
-        told: list[Told] = []
+        told: list[NamedRecord] = []
         for item in self._store.log_after(deed.asset, undo.rows, undo.deeds):
             if isinstance(item, RowBlock):
                 told += asset.take(item).records
@@ -141,7 +149,7 @@ class Watch:
                 told += asset.do(item, deeds).records
             deeds += isinstance(item, Deed)
         place.asset = asset
-        return replace(deed, undone=undone), Outcome(records=tuple(told))
+        return replace(deed, undone=undone), Consequence(records=tuple(told))
 
     @staticmethod
     def _commit(item: Arrivals | Deed, done: Done) -> Commit:
@@ -204,7 +212,7 @@ class Watch:
         return place
 
 
-def _begun(plan: AssetPlan, stand: Stand) -> tuple[Asset, Stand]:
+def _begun(plan: AssetPlan, stand: LogPlace) -> tuple[Asset, LogPlace]:
     """Give an asset as its checkpoint has it; where that is of another version, or damaged, all of its log passes."""
     if stand.checkpoint is not None:
         try:

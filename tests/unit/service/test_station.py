@@ -1,7 +1,7 @@
 """The service at work: sources that fail and come back, a store that does, people, and who listens."""
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping, Sequence
 from typing import Any
 
 import pytest
@@ -10,10 +10,10 @@ from faultbond.errors import FaultbondError, SourceError, StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.contract.face import Request, Shown
 from faultbond.service.contract.messages import Action, Arrivals
-from faultbond.service.contract.source import Source, Subscriber
+from faultbond.service.contract.source import LiveSource, Subscriber
 from faultbond.service.contract.store import Commit
-from faultbond.service.serving import Service
 from faultbond.service.site import Site, SiteAsset
+from faultbond.service.station import Service
 from loop_asset import FOUND, plant, rows
 from memory_store import MemoryStore
 
@@ -40,8 +40,8 @@ class PlayedSource:
         self.begun: list[str] = []
         self.ends = asyncio.Event()
 
-    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncIterator[Arrivals]:
-        """See `Source`."""
+    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncGenerator[Arrivals, None]:
+        """See `LiveSource`."""
         first = int(cursors.get("loop") or 0)
         self.begun.append(str(first))
         while first < self.last:
@@ -76,7 +76,7 @@ class Played:
         site = Site(name="hall", assets=(SiteAsset(name="loop", plant=plant(), source="played:"),))
         self.service = Service(site, self.store, self._opened, clock=self.clock)
 
-    def _opened(self, address: str, subscribers: Sequence[Subscriber]) -> Source:
+    def _opened(self, address: str, subscribers: Sequence[Subscriber]) -> LiveSource:
         assert [item.asset for item in subscribers] == ["loop"]
         return self.source
 
@@ -170,7 +170,7 @@ def test_who_listens_hears_all_samples_and_the_diagnosis() -> None:
 
 def test_a_source_that_is_lost_is_opened_again_behind_what_came(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is there twice or missing, and the page says so meanwhile."""
-    monkeypatch.setattr("faultbond.service.serving.FIRST_DELAY", 0.3)
+    monkeypatch.setattr("faultbond.service.station.FIRST_DELAY", 0.3)
 
     async def course(played: Played) -> None:
         await played.until(lambda: not played.service.health()["ok"])
@@ -204,7 +204,7 @@ def test_no_data_is_never_normal() -> None:
 
 def test_a_store_that_cannot_be_written_stops_nothing_and_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is tried again; who wants something is told, and what was asked for is done once the disk has room."""
-    monkeypatch.setattr("faultbond.service.serving.RETRY", 0.05)
+    monkeypatch.setattr("faultbond.service.station.RETRY", 0.05)
     store = FailingStore()
 
     async def course(played: Played) -> None:

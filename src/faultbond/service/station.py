@@ -6,6 +6,7 @@ import time
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import aclosing
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,15 +14,15 @@ from faultbond.equations.causality import assign_causality
 from faultbond.errors import SourceError, StoreError
 from faultbond.report.drawing import draw
 from faultbond.service.asset import Asset
+from faultbond.service.asset_status import asset_status
 from faultbond.service.contract.face import Request, Shown
 from faultbond.service.contract.messages import Action, Arrivals, Deed, Monitoring
-from faultbond.service.contract.source import Source, Subscriber
-from faultbond.service.contract.store import Store
+from faultbond.service.contract.source import LiveSource, Subscriber
+from faultbond.service.contract.store import LogStore
 from faultbond.service.hub import Hub
 from faultbond.service.shown import asset_of, curves_of, journal_of, summary_of
 from faultbond.service.site import Site
-from faultbond.service.standing import standing
-from faultbond.service.watching import AssetPlan, Done, Watch
+from faultbond.service.site_log import AssetPlan, Done, SiteLog
 
 MOST_WAITING = 1000  # arrivals and deeds between the sources and the worker; more wait in the sources
 MOST_TOGETHER = 200  # of them that make one transaction
@@ -30,14 +31,14 @@ TICK = 1.0  # s between two looks at who has gone silent
 FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0  # s before a source that was lost is opened again
 RETRY = 1.0  # s before the store is tried again
 
-Open = Callable[[str, Sequence[Subscriber]], Source]
+Open = Callable[[str, Sequence[Subscriber]], LiveSource]
 
 
 @dataclass(slots=True)
 class _Feed:
     """A source. trouble: why it gives nothing now, since when; empty: it does. ended: it has nothing more."""
 
-    source: Source
+    source: LiveSource
     assets: tuple[str, ...]
     trouble: str = ""
     since: float = 0.0
@@ -82,7 +83,7 @@ class Service:
     def __init__(
         self,
         site: Site,
-        store: Store,
+        store: LogStore,
         open_source: Open,
         *,
         hear: Callable[[Done], None] | None = None,
@@ -90,7 +91,7 @@ class Service:
     ) -> None:
         self._site, self._store, self._clock = site, store, clock
         self._hear = hear or (lambda _: None)
-        self._watch = Watch(
+        self._watch = SiteLog(
             [AssetPlan(name=item.name, plant=item.plant, accept=item.accept) for item in site.assets], store
         )
         self._began = clock()
@@ -108,7 +109,7 @@ class Service:
         self._stopped = False
 
     async def run(self) -> None:
-        """Watch until cancelled; then keep every asset as it stands."""
+        """SiteLog until cancelled; then keep every asset as it stands."""
         with ThreadPoolExecutor(1, thread_name_prefix="core") as worker:
             try:
                 async with asyncio.TaskGroup() as tasks:
@@ -174,7 +175,17 @@ class Service:
         return self._hub.listen(most)
 
     async def do(self, request: Request) -> Shown:
-        """Do what a person wants, in its place among the rows."""
+        """Do what a person wants, in its place among the rows.
+
+        Raises
+        ------
+        KeyError
+            Where there is no such asset.
+        FaultbondError
+            Where it makes no sense now.
+        StoreError
+            Where it cannot be kept yet.
+        """
         now = self._clock()
         if request.asset not in self._seen:
             raise KeyError(request.asset)
@@ -204,9 +215,10 @@ class Service:
             await self._inbox.join()  # so that its cursors are known
             cursors = {name: at for name, at in self._watch.cursors.items() if name in feed.assets}
             try:
-                async for arrivals in feed.source.arrivals(cursors):
-                    feed.trouble, feed.since, delay = "", 0.0, FIRST_DELAY
-                    await self._inbox.put(arrivals)
+                async with aclosing(feed.source.arrivals(cursors)) as coming:
+                    async for arrivals in coming:
+                        feed.trouble, feed.since, delay = "", 0.0, FIRST_DELAY
+                        await self._inbox.put(arrivals)
                 feed.ended, feed.since = True, self._clock()
                 return
             except SourceError as error:
@@ -327,7 +339,9 @@ class Service:
 
     def _summary(self, asset: Asset) -> Shown:
         seen, now = self._seen[asset.name], self._clock()
-        stands = standing(asset, silence=None if seen.arrived is None else now - seen.arrived, stopped=self._stopped)
+        stands = asset_status(
+            asset, silence=None if seen.arrived is None else now - seen.arrived, stopped=self._stopped
+        )
         status = (stands.status, stands.monitoring is Monitoring.NO_DATA)
         if seen.status != status:
             seen.status, seen.since = status, now
