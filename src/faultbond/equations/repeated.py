@@ -1,5 +1,7 @@
 """A CasADi function of columns that is asked again and again in numbers, without CasADi's matrices in between."""
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
@@ -13,7 +15,8 @@ class Repeated:
         if not all(function.sparsity_out(k).is_dense() for k in range(function.n_out())):
             symbols = function.sx_in()
             function = ca.Function(function.name(), symbols, [ca.densify(item) for item in function.call(symbols)])
-        self._buffer, self._evaluate = function.buffer()  # its methods take one argument less than CasADi's types say
+        self._buffer: Any  # its methods take one argument less than CasADi's types say
+        self._buffer, self._evaluate = function.buffer()
         self._arguments = [np.zeros(function.size1_in(k)) for k in range(function.n_in())]
         self._results = [np.zeros(function.size_out(k)[::-1]) for k in range(function.n_out())]  # column by column
         for k, argument in enumerate(self._arguments):
