@@ -8,14 +8,13 @@ Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456, eq. 1.2, ROS2. What a lane and
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec, pack, unpack
 from faultbond.equations.plant import build_plant
+from faultbond.equations.repeated import Repeated
 from faultbond.equations.step import StepModel, build_step_model
 from faultbond.model.graph import BondGraph
 from faultbond.synthesis.specify import build_spec
@@ -45,7 +44,7 @@ class DenseFilter:
     spec: EngineSpec
     model: StepModel
 
-    @property
+    @cached_property
     def slot(self) -> "DenseFilter":
         """That of lanes with a slot."""
         return replace(self, spec=self.spec.slotted)
@@ -169,8 +168,8 @@ class DenseFilter:
         """Give the readings, their slopes by z, (n_outputs, n_joint), and the implicit signals."""
         v, by_z = self.model_vector(z, roles, u)
         implicit = self.solved(v, u, implicit)
-        y, by_v = self.model.readings(v, u, implicit)
-        plain, H = y.full()[:, 0], by_v.full() @ by_z
+        y, by_v = self.asked_readings(v, u, implicit)
+        plain, H = y[:, 0], by_v @ by_z
         if not self.spec.slot:
             return plain, H, implicit
         size = self.spec.slot_slice.start
@@ -239,8 +238,8 @@ class DenseFilter:
 
     def rates(self, v: FloatArray, u: FloatArray, implicit: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Give the rates of the states, and their slopes by v."""
-        f, A = self.model.rates(v, u, implicit)
-        return f.full()[:, 0], A.full()
+        f, A = self.asked_rates(v, u, implicit)
+        return f[:, 0], A
 
     def solved(self, v: FloatArray, u: FloatArray, implicit: FloatArray) -> FloatArray:
         """Solve the implicit signals by Newton's method, from where they were; a step that does not help is halved."""
@@ -259,34 +258,25 @@ class DenseFilter:
 
     def newton(self, v: FloatArray, u: FloatArray, implicit: FloatArray) -> tuple[FloatArray, float]:
         """Give Newton's step of the implicit signals, and how far they are from solving their equations."""
-        step, misfit = self.in_place(v, u, implicit)
-        return step.copy(), float(misfit[0])
+        step, misfit = self.asked_step(v, u, implicit)
+        return step[:, 0], float(misfit[0, 0])
+
+    # What the model is asked for at every sample.
 
     @cached_property
-    def in_place(self) -> "InPlace":
+    def asked_rates(self) -> Repeated:
+        """What works out `rates`."""
+        return Repeated(self.model.rates)
+
+    @cached_property
+    def asked_readings(self) -> Repeated:
+        """What works out the readings of `measure`."""
+        return Repeated(self.model.readings)
+
+    @cached_property
+    def asked_step(self) -> Repeated:
         """What works out `newton`."""
-        return InPlace(self.model.newton_step)
-
-
-class InPlace:
-    """A function of casadi whose results, which are not sparse, are filled in place: a call of it takes a tenth."""
-
-    def __init__(self, function: ca.Function) -> None:
-        self.memory: Any
-        self.memory, self.run = function.buffer()  # which is lost with the memory
-        self.arguments = [np.zeros(function.nnz_in(k)) for k in range(function.n_in())]
-        self.results = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
-        for k, item in enumerate(self.arguments):
-            self.memory.set_arg(k, item.data)
-        for k, item in enumerate(self.results):
-            self.memory.set_res(k, item.data)
-
-    def __call__(self, *values: FloatArray) -> list[FloatArray]:
-        """Give the results; the next call changes them."""
-        for argument, value in zip(self.arguments, values, strict=True):
-            argument[:] = value
-        self.run()
-        return self.results
+        return Repeated(self.model.newton_step)
 
 
 def dense_filter(graph: BondGraph) -> tuple[EngineSpec, DenseFilter]:

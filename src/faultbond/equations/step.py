@@ -20,6 +20,7 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.equations.linear import back, eliminate, triangle
 from faultbond.equations.plant import Plant
+from faultbond.equations.repeated import Repeated
 from faultbond.errors import StructureError
 
 GAMMA = 1.0 - 1.0 / sqrt(2.0)
@@ -317,14 +318,14 @@ def _reference(
     Where the start is one that the equations cannot leave, as tanks in a row that are all empty (a turbulent
     pipe between equal levels has an endless slope), the run is begun near it, with stores filled unlike each other.
     """
-    u = reference_inputs(plant)
-    first = _first_implicit(plant, newton, start, u)
+    u, asked, solve = reference_inputs(plant), Repeated(rates), Repeated(newton)
+    first = _first_implicit(plant, solve, start, u)
     step = plant.graph.sample_time if plant.graph.sample_time is not None else 1.0
 
     def run(begin: FloatArray) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
         v, z, slopes = begin.copy(), first, list[FloatArray]()
         for _ in range(count):
-            x, after, slope = _advance(rates, newton, v, u, z, step)
+            x, after, slope = _advance(asked, solve, v, u, z, step)
             if not (np.all(np.isfinite(x)) and np.all(np.isfinite(slope))):
                 break
             v[: len(x)], z = x, after
@@ -333,7 +334,7 @@ def _reference(
 
     count = _REFERENCE_STEPS if plant.x.numel() else 0
     best = run(start)
-    for nudge in _nudges(rates(start, u, first)[0].full()[:, 0], step):
+    for nudge in _nudges(asked(start, u, first)[0][:, 0], step):
         if len(best[2]) == count:
             break
         near = start.copy()
@@ -351,19 +352,19 @@ def _nudges(rates: FloatArray, step: float) -> Iterator[FloatArray]:
 
 
 def _advance(
-    rates: ca.Function, newton: ca.Function, v: FloatArray, u: FloatArray, z: FloatArray, h: float
+    rates: Repeated, newton: Repeated, v: FloatArray, u: FloatArray, z: FloatArray, h: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Take one ROS2 step in numbers; give the state (nan: there is none), implicit signals, slope of the rates."""
-    z = newton(v, u, z)[0].full()[:, 0]
-    f, by = (item.full() for item in rates(v, u, z))
+    z = newton(v, u, z)[0][:, 0]
+    f, by = rates(v, u, z)
     n_x, rate = len(f), f[:, 0]
     slope = by[:, :n_x]
     matrix = np.eye(n_x) - GAMMA * h * slope
     try:
         k1 = np.linalg.solve(matrix, rate)
         middle = np.concatenate([v[:n_x] + h * k1, v[n_x:]])
-        z = newton(middle, u, z)[0].full()[:, 0]
-        k2 = np.linalg.solve(matrix, rates(middle, u, z)[0].full()[:, 0] - 2.0 * k1)
+        z = newton(middle, u, z)[0][:, 0]
+        k2 = np.linalg.solve(matrix, rates(middle, u, z)[0][:, 0] - 2.0 * k1)
     except np.linalg.LinAlgError:
         return np.full(n_x, np.nan), z, slope
     return v[:n_x] + 1.5 * h * k1 + 0.5 * h * k2, z, slope
@@ -378,7 +379,7 @@ def _usual_rate(slopes: list[FloatArray]) -> float:
     return float(np.median(speeds)) if speeds else 0.0
 
 
-def _first_implicit(plant: Plant, newton: ca.Function, v: FloatArray, u: FloatArray) -> FloatArray:
+def _first_implicit(plant: Plant, newton: Repeated, v: FloatArray, u: FloatArray) -> FloatArray:
     """Find a first solution of the implicit relations from guesses over many sizes and both signs.
 
     Raises
@@ -393,7 +394,7 @@ def _first_implicit(plant: Plant, newton: ca.Function, v: FloatArray, u: FloatAr
         z, left = np.full(n_z, size), np.inf
         for _ in range(20):
             found, step = newton(v, u, z)
-            z, left = found.full()[:, 0], float(step)
+            z, left = found[:, 0], float(step[0, 0])
         if left <= _SOLVED * max(float(np.max(np.abs(z))), _TINY):
             return z
     raise StructureError(

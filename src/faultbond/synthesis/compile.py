@@ -15,9 +15,11 @@ from hashlib import sha256
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 
 from faultbond.errors import GenerationError
 from faultbond.io.cache import LIBRARY, Library, read_kept, write_kept
+from faultbond.synthesis.apart import shape_of, tables_of
 
 FLAGS = ("-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-std=gnu11", "-w")
 # What runs for every lane and sample; what takes longer to compile than it saves. Only in the bank sums are contracted:
@@ -121,16 +123,21 @@ def compile_core(model: str, compiler: tuple[str, ...], *, fleets: bool = False)
     CacheError
         Where others may write the cache.
     """
-    files = (item.read_text(encoding="utf-8") for item in sorted(CORE.iterdir(), key=lambda item: item.name))
+    files = tuple(item.read_text(encoding="utf-8") for item in sorted(CORE.iterdir(), key=lambda item: item.name))
     parts = {
         "bank": ('#include "filters.c"\n', FAST),
         "lane": ('#include "one.c"\n', SAME),
-        "rest": (f'{FLEETS if fleets else ""}#define FB_APART\n#include "core.c"\n', QUICK),
+        "tables": (tables_of(model), QUICK),
     }
     if fleets:
         parts |= {"assets": ('#include "fleet.c"\n', SAME), "parts": ('#include "threads.c"\n', QUICK)}
-    texts = (model, *(text for text, _ in parts.values()), *files)
-    return _kept(texts, compiler, partial(_compile, {"model.h": model}, parts))
+    rest, shape = f'{FLEETS if fleets else ""}#define FB_APART\n#include "core.c"\n', shape_of(model)
+
+    def compiled_rest() -> bytes:  # most of the text, the same for models that differ in numbers
+        return _kept(("rest", shape, rest, *files), compiler, partial(_compile_rest, shape, rest)).content
+
+    texts = (model, rest, *(text for text, _ in parts.values()), *files)
+    return _kept(texts, compiler, partial(_compile, {"model.h": model}, parts, others={"rest": compiled_rest}))
 
 
 def compile_library(source: str, compiler: tuple[str, ...]) -> Library:
@@ -251,22 +258,47 @@ def _kept(texts: tuple[str, ...], compiler: tuple[str, ...], build: Callable[[tu
 
 
 def _compile(
-    headers: Mapping[str, str], parts: Mapping[str, tuple[str, tuple[str, ...]]], compiler: tuple[str, ...], work: Path
+    headers: dict[str, str],
+    parts: Mapping[str, tuple[str, tuple[str, ...]]],
+    compiler: tuple[str, ...],
+    work: Path,
+    *,
+    others: Mapping[str, Callable[[], bytes]] = MappingProxyType({}),
 ) -> Path:
-    """Give the path of the library, compiled in the folder `work` from texts with their options, side by side."""
-    for name, text in (*headers.items(), *((f"{name}.c", text) for name, (text, _) in parts.items())):
-        (work / name).write_text(text, encoding="utf-8")
-    place = (f"-I{work}", f"-I{CORE}")
-    commands = [
-        (*compiler, *FLAGS, *_options(level), *place, "-c", str(work / f"{name}.c"), "-o", str(work / f"{name}.o"))
-        for name, (_, level) in parts.items()
-    ]
+    """Give the path of the library, compiled in the folder `work` from texts with their options, side by side.
+
+    others : what gives parts that are compiled elsewhere
+    """
+    _write(work, headers | {f"{name}.c": text for name, (text, _) in parts.items()})
     with ThreadPoolExecutor() as pool:
-        list(pool.map(partial(_run, compiler, work), commands))
+        given = {name: pool.submit(give) for name, give in others.items()}
+        found = [pool.submit(_compile_part, name, level, compiler, work) for name, (_, level) in parts.items()]
+        objects = [item.result() for item in found]
+        for name, item in given.items():
+            objects.append(work / f"{name}.o")
+            objects[-1].write_bytes(item.result())
     built = work / "built.so"
-    objects = (str(work / f"{name}.o") for name in parts)
-    _run(compiler, work, (*compiler, *FLAGS, "-shared", *objects, "-o", str(built), "-lm", "-pthread"))
+    _run(compiler, work, (*compiler, *FLAGS, "-shared", *map(str, objects), "-o", str(built), "-lm", "-pthread"))
     return built
+
+
+def _compile_rest(header: str, text: str, compiler: tuple[str, ...], work: Path) -> Path:
+    """Give the path of what is the same for models of one shape, made in the folder `work`."""
+    _write(work, {"model.h": header, "rest.c": text})
+    return _compile_part("rest", QUICK, compiler, work)
+
+
+def _compile_part(name: str, level: tuple[str, ...], compiler: tuple[str, ...], work: Path) -> Path:
+    """Give the path of one compiled text of the folder `work`."""
+    source, built = work / f"{name}.c", work / f"{name}.o"
+    place = (f"-I{work}", f"-I{CORE}")
+    _run(compiler, work, (*compiler, *FLAGS, *_options(level), *place, "-c", str(source), "-o", str(built)))
+    return built
+
+
+def _write(folder: Path, texts: Mapping[str, str]) -> None:
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
 
 
 def _run(compiler: tuple[str, ...], work: Path, command: tuple[str, ...], *, keeps_library: bool = False) -> None:

@@ -17,19 +17,21 @@ from faultbond.cli import main
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import CacheError, GenerationError
 from faultbond.io.cache import loadable
-from faultbond.model.text import load_model
+from faultbond.model.text import load_model, parse_model
 from faultbond.runtime.core import Core, load_core
 from faultbond.simulate import Fault
 from faultbond.synthesis.compile import compile_library, find_compiler, required_compiler
 from faultbond.synthesis.engine import build_engine, build_model
 from faultbond.synthesis.specify import build_spec
-from made import recorded, run
+from made import differing, recorded, run
 
 RC = Path(__file__).parents[3] / "examples" / "rc" / "model.yaml"
 FAULT = Fault(parameter="C", factor=1.6, start=4.0)
 SOURCE = "int answer(void) { return 42; }\n"
 
-PIECES, PARTS = 2, 4  # calls of a compiler for a library, and for a core: its texts, and what joins them
+# Calls of a compiler for a library, and for a core: its texts, and what joins them; and what stays of a core.
+PIECES, PARTS = 2, 5
+KEPT = [".so", ".so"]  # the core, and what of it other models of its shape take
 
 needs_zig = pytest.mark.skipif(find_spec("ziglang") is None, reason="ziglang is not installed")
 
@@ -68,12 +70,35 @@ def test_second_build_uses_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("CC", str(script))
     first, second = (some_steps(*build_engine(load_model(RC))) for _ in range(2))
     assert log.read_text().count("called") == PARTS
-    assert [item.suffix for item in cache.iterdir()] == [".so"]
+    assert [item.suffix for item in cache.iterdir()] == KEPT
     assert np.array_equal(first, second)
 
 
+def test_other_numbers_take_what_is_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a model with other numbers only filters and tables are compiled; a whole run is that of a core made for it.
+
+    One with another sensor is of another shape, and compiled as a whole.
+    """
+    script, log = counting_compiler(tmp_path)
+    monkeypatch.setenv("CC", str(script))
+    text = RC.read_text(encoding="utf-8")
+    other = text.replace("10 kohm", "11 kohm").replace("noise: 0.1 V", "noise: 0.2 V").replace("3 %", "4 %")
+    sensors = text.replace("sensors: {", "sensors: {i: {reads: R.f, unit: A, noise: 1 mA}, ")
+    calls, cores = [0], []
+    for model in (text, other, sensors):
+        cores.append(build_engine(parse_model(model))[1])
+        calls.append(log.read_text().count("called"))
+    assert np.diff(calls).tolist() == [PARTS, PARTS - 1, PARTS]
+    monkeypatch.setenv("FAULTBOND_CACHE", str(tmp_path / "empty"))
+    cores.append(build_engine(parse_model(other))[1])
+    assert log.read_text().count("called") == calls[-1] + PARTS
+    nominal, shared, whole = (run(cores[k], recorded("rc", 400, FAULT))[0] for k in (0, 1, 3))
+    assert differing(shared, whole) == []
+    assert differing(shared, nominal)
+
+
 def test_in_haste_it_finds_the_same(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
-    """With haste and without there are two libraries of one verdict, whose numbers differ by rounding."""
+    """With haste and without there are libraries of their own, of one verdict, whose numbers differ by rounding."""
     found = []
     for hasty in ("0", "1"):
         monkeypatch.setenv("FAULTBOND_HASTY", hasty)
@@ -84,7 +109,7 @@ def test_in_haste_it_finds_the_same(monkeypatch: pytest.MonkeyPatch, cache: Path
     assert [item.hypothesis for item in one] == [item.hypothesis for item in two]
     assert [item.probability for item in one] == pytest.approx([item.probability for item in two], rel=1e-6, abs=1e-9)
     assert found[0].numbers("healthy.lane") == pytest.approx(found[1].numbers("healthy.lane"), rel=1e-9, abs=1e-12)
-    assert len(list(cache.glob("*.so"))) == 2
+    assert len(list(cache.glob("*.so"))) == 2 * len(KEPT)
 
 
 def test_other_source_is_compiled_anew(cache: Path) -> None:
@@ -119,13 +144,13 @@ def run_in_process(number: int) -> tuple[str, list[float]]:
 
 
 def test_several_processes_at_once(cache: Path) -> None:
-    """Two processes that find an empty cache both get a working engine, and one library remains."""
+    """Two processes that find an empty cache both get a working engine, and what one alone leaves remains."""
     with multiprocessing.get_context("spawn").Pool(2) as pool:
         found = pool.map(run_in_process, range(2), chunksize=1)
     assert {name for name, _ in found} == {Core.__name__}
     assert all(numbers == found[0][1] for _, numbers in found)
     assert np.all(np.isfinite(found[0][1]))
-    assert [item.suffix for item in cache.iterdir()] == [".so"]
+    assert [item.suffix for item in cache.iterdir()] == KEPT
 
 
 def test_a_compiler_that_fails(
@@ -253,13 +278,13 @@ def damaged(path: Path, change: str) -> None:
 def test_a_damaged_library_is_built_anew(cache: Path) -> None:
     """A library that was cut short, is empty or changed in one byte is not loaded, but made again."""
     expected = some_steps(*build_engine(load_model(RC)))
-    (path,) = cache.iterdir()
-    whole = path.read_bytes()
-    damaged(path, "cut")
+    sizes = {path: path.stat().st_size for path in cache.iterdir()}
+    for path in sizes:
+        damaged(path, "cut")
     assert np.array_equal(some_steps(*build_engine(load_model(RC))), expected)
-    assert len(path.read_bytes()) == len(whole)
+    assert {path: path.stat().st_size for path in cache.iterdir()} == sizes
     small = compile_library(SOURCE, required_compiler())
-    (path,) = set(cache.iterdir()) - {path}
+    (path,) = set(cache.iterdir()) - {*sizes}
     for change in ("cut", "empty", "byte"):
         damaged(path, change)
         assert compile_library(SOURCE, required_compiler()) == small
