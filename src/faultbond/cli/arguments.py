@@ -423,9 +423,12 @@ def _add_serve(verbs: Subparsers) -> None:
     """Add `serve`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
-        from faultbond.service.program import serve  # noqa: PLC0415 - not all need it
+        from faultbond.service.program import hash_password, serve  # noqa: PLC0415 - not all need it
         from faultbond.service.site import read_site, site_of  # noqa: PLC0415
 
+        if arguments.hash:
+            hash_password(out)
+            return DONE
         source, store, port = arguments.source, arguments.store, arguments.port
         if arguments.site is not None and (arguments.models or source or store or arguments.accept):
             raise FaultbondError("--site: models, --source, --store and --accept stand in the site file then.")
@@ -447,6 +450,7 @@ def _add_serve(verbs: Subparsers) -> None:
     add("--port", metavar="N", type=_number("--port", 0, 65535), help="port of the page (default: 8350); 0: any")
     add("--accept", metavar="LEVEL", type=_level, help="as of `run`")
     add("--check", action="store_true", help="only say what would be watched, and whether it can be")
+    add("--hash", action="store_true", help="ask for a password, and print its hash for the site file")
 
 
 def _add_history(verbs: Subparsers) -> None:

@@ -6,6 +6,7 @@ import socket
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from getpass import getpass
 from ipaddress import ip_address
 from pathlib import Path
 from types import ModuleType
@@ -20,7 +21,7 @@ from faultbond.service.site_log import Done
 from faultbond.service.sources.opening import open_source
 from faultbond.service.station import Service
 from faultbond.service.store.sqlite import SqliteStore
-from faultbond.service.web.security import Guard, LocalGuard, LoginGuard, Role
+from faultbond.service.web.security import Guard, LocalGuard, LoginGuard, Role, hashed
 from faultbond.service.web.shield import LOOPBACK
 
 EXTRA = 'The page needs more: install it by `pip install "faultbond[serve]"`.'
@@ -51,10 +52,21 @@ def serve(site: Site, *, out: Out, check: bool = False) -> None:
         raise Stopped(number)
 
 
+def hash_password(out: Out) -> None:
+    """Ask for a password, and tell its hash for the site file."""
+    password = getpass("Password: ") if sys.stdin.isatty() else sys.stdin.readline().rstrip("\n")
+    if not password:
+        raise FaultbondError("no password was given.")
+    kept = hashed(password)
+    out.say(kept)
+    out.record({"record": "password", "hash": kept})
+
+
 def _tell(site: Site, out: Out) -> None:
     """Say what a site watches."""
     for item in site.assets:
-        open_source(item.source, [Subscriber(asset=item.name, columns=item.plant.columns, graph=item.plant.graph)])
+        subscriber = Subscriber(asset=item.name, columns=item.plant.columns, graph=item.plant.graph)
+        open_source(item.source, [subscriber], site.options(item.source))
         rule = "" if item.accept is None else f"; accepts what is {item.accept:g} sure"
         out.say(f"{item.name}: {item.plant.graph.name} ({item.plant.document[0]}) from {item.source}{rule}")
     people = ", ".join(f"{user.name} ({user.role})" for user in site.users.values())
@@ -100,7 +112,12 @@ async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
     door = _bound(site)
     store = SqliteStore(Path(site.store), tell=out.warn)
     try:
-        service = Service(site, store, open_source, hear=lambda done: _record(out, done))
+        service = Service(
+            site,
+            store,
+            lambda address, fed: open_source(address, fed, site.options(address)),
+            hear=lambda done: _record(out, done),
+        )
         page = application(service, _guard(site), hosts={*LOOPBACK, site.host})
         server = uvicorn.Server(
             uvicorn.Config(page, log_level="warning", access_log=False, timeout_graceful_shutdown=GRACE)

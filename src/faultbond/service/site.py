@@ -4,14 +4,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from faultbond.app.plant import WatchedPlant, find_plant
 from faultbond.app.wishes import DEMO, Wanted
 from faultbond.errors import FaultbondError, ModelError
 from faultbond.io.examples import example
 from faultbond.model.document import read_document
-from faultbond.model.source import NAME, Node, Source, Table, Text
+from faultbond.model.source import NAME, Items, Node, Source, Table, Text
 from faultbond.model.yaml_nodes import read_yaml
+from faultbond.service.sources.options import SourceOptions
 from faultbond.types import TimeGrid
 
 HOST, PORT = "127.0.0.1", 8350
@@ -19,17 +21,26 @@ STORE = Path("faultbond.sqlite")
 SIMULATED = "sim:"
 SHOWN = "sim:?speed=10"  # of the built-in plant: its fault comes after half a minute
 ROLES = ("view", "operate", "engineer")
-_KEYS = ("name", "store", "listen", "source", "accept", "assets", "users", "keep")
+_KEYS = ("name", "store", "listen", "source", "connection", "accept", "assets", "users", "keep")
+_CONNECTION = ("user", "password_file", "authority", "certificate", "key", "server_certificate")
+_ASSET = ("model", "source", "accept", "topic", "nodes", "hold")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SiteAsset:
-    """An asset: its model, the address of its source, and the probability from which a rule accepts, or None."""
+    """An asset.
+
+    source: address of its source. accept: probability from which a rule accepts, or None. topic, nodes, hold: see
+    `SourceOptions`; empty where the source finds its values by itself, hold None where the model says what holds.
+    """
 
     name: str
     plant: WatchedPlant
     source: str = SIMULATED
     accept: float | None = None
+    topic: str = ""
+    nodes: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    hold: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +57,8 @@ class Site:
     """All that a service is told.
 
     store: file, or address of a database. days: for how long rows and curves are kept; None: for ever. users: none:
-    whoever sits at this machine is an engineer.
+    whoever sits at this machine is an engineer. connection: names and files of the log-in at sources, as the fields of
+    `SourceOptions`.
     """
 
     name: str
@@ -56,6 +68,19 @@ class Site:
     port: int = PORT
     days: float | None = None
     users: Mapping[str, User] = field(default_factory=lambda: MappingProxyType({}))
+    connection: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+    def options(self, address: str) -> SourceOptions:
+        """Give what is said of a source beside its address."""
+        fed = [item for item in self.assets if item.source == address]
+        more: dict[str, Any] = dict(self.connection)
+        hold = {item.name: item.hold for item in fed if item.hold is not None}
+        return SourceOptions(
+            nodes={item.name: item.nodes for item in fed if item.nodes},
+            topics={item.name: item.topic for item in fed if item.topic},
+            hold=hold or None,
+            **more,
+        )
 
 
 def site_of(
@@ -97,6 +122,7 @@ def read_site(path: Path, *, port: int | None = None) -> Site:
         raise source.error(top.line, "no assets; write `assets: {NAME: {model: FILE}}`")
     listen = _table(told["listen"], source, ("address", "port")) if "listen" in told else {}
     keep = _table(told["keep"], source, ("days",)) if "keep" in told else {}
+    connection = _table(told["connection"], source, _CONNECTION) if "connection" in told else {}
     usual = _text(told.get("source"), source) or SIMULATED
     accept = _number(told.get("accept"), source, 0.5, 1.0)
     own = _number(listen.get("port"), source, 0.0, 65535.0)
@@ -108,6 +134,12 @@ def read_site(path: Path, *, port: int | None = None) -> Site:
         port=port if port is not None else PORT if own is None else int(own),
         days=_number(keep.get("days"), source, 1e-3, 1e6),
         users=MappingProxyType(dict(_users(told.get("users"), source))),
+        connection=MappingProxyType(
+            {
+                name: _text(node, source) if name == "user" else str(path.parent / _text(node, source))
+                for name, node in connection.items()
+            }
+        ),
     )
 
 
@@ -115,7 +147,7 @@ def _assets(listed: Table, source: Source, folder: Path, usual: str, accept: flo
     for entry in listed.entries:
         if not NAME.fullmatch(entry.key):
             raise source.error(entry.line, f"asset `{entry.key}`: a name has letters, digits and _, a letter first")
-        told = _table(entry.value, source, ("model", "source", "accept"))
+        told = _table(entry.value, source, _ASSET)
         model = _text(told.get("model"), source)
         if not model:
             raise source.error(entry.line, f"asset {entry.key} has no model; write `model: FILE`")
@@ -125,6 +157,9 @@ def _assets(listed: Table, source: Source, folder: Path, usual: str, accept: flo
             plant=_plant(folder / model),
             source=_text(told.get("source"), source) or usual,
             accept=accept if own is None else own,
+            topic=_text(told.get("topic"), source),
+            nodes=MappingProxyType(dict(_texts(told.get("nodes"), source))),
+            hold=_listed(told["hold"], source) if "hold" in told else None,
         )
 
 
@@ -160,6 +195,21 @@ def _table(node: Node, source: Source, keys: Sequence[str]) -> dict[str, Node]:
         if entry.key not in keys:
             raise source.error(entry.line, f"unknown key `{entry.key}`; there are {', '.join(keys)}")
     return {entry.key: entry.value for entry in node.entries}
+
+
+def _texts(node: Node | None, source: Source) -> Iterator[tuple[str, str]]:
+    if node is None:
+        return
+    if not isinstance(node, Table):
+        raise source.error(node.line, "expected a table of texts, `COLUMN: NODE`")
+    for entry in node.entries:
+        yield entry.key, _text(entry.value, source)
+
+
+def _listed(node: Node, source: Source) -> tuple[str, ...]:
+    if not isinstance(node, Items):
+        raise source.error(node.line, "expected a list of columns, `[flow, level]`")
+    return tuple(_text(item, source) for item in node.items)
 
 
 def _text(node: Node | None, source: Source) -> str:

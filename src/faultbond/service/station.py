@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import aclosing
+from contextlib import aclosing, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,6 +28,7 @@ MOST_WAITING = 1000  # arrivals and deeds between the sources and the worker; mo
 MOST_TOGETHER = 200  # of them that make one transaction
 JOURNAL = 200  # newest deeds that are shown
 TICK = 1.0  # s between two looks at who has gone silent
+FORGET_EVERY = 600.0  # s between two looks at what is too old
 FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0  # s before a source that was lost is opened again
 RETRY = 1.0  # s before the store is tried again
 
@@ -320,8 +321,12 @@ class Service:
     async def _tick(self) -> None:
         """Tell who has gone silent, or whose shelf has ended."""
         known: dict[str, tuple[Any, ...]] = {}
+        forgotten = self._clock()
         while True:
             await asyncio.sleep(TICK)
+            if self._site.days is not None and self._clock() - forgotten >= FORGET_EVERY:
+                forgotten = self._clock()
+                await asyncio.to_thread(self._forget, forgotten - 86400.0 * self._site.days)
             with self._lock:
                 summaries = [self._summary(asset) for asset in self._watch.assets.values()]
             for summary in summaries:
@@ -329,6 +334,11 @@ class Service:
                 if known.get(summary["name"], now) != now:
                     self._hub.publish("summary", summary)
                 known[summary["name"]] = now
+
+    def _forget(self, older_than: float) -> None:
+        """Forget rows and curves from before a time."""
+        with self._lock, suppress(StoreError):  # a store that fails is told where it is written
+            self._store.retain(older_than=older_than)
 
     # What is shown; the lock is held.
 

@@ -30,6 +30,8 @@ keep: {days: 30}
 assets:
   left: {model: loop.yaml}
   right: {model: loop.yaml, source: "file:right.csv", accept: 0.9}
+  far: {model: loop.yaml, topic: hall/far, nodes: {V_R: ns=2;s=R}, hold: [V_I]}
+connection: {user: anna, password_file: secret.txt}
 users:
   anna: {role: operate, password: "scrypt$1"}
 """
@@ -39,7 +41,12 @@ users:
     assert [(item.name, item.source, item.accept) for item in site.assets] == [
         ("left", "mqtt://broker/plant/+", 0.99),
         ("right", "file:right.csv", 0.9),
+        ("far", "mqtt://broker/plant/+", 0.99),
     ]
+    options = site.options("mqtt://broker/plant/+")
+    assert (options.topics, options.nodes) == ({"far": "hall/far"}, {"far": {"V_R": "ns=2;s=R"}})
+    assert options.hold == {"far": ("V_I",)}
+    assert (options.user, options.password_file) == ("anna", str(tmp_path / "secret.txt"))
     assert site.users["anna"].role == "operate"
 
 
