@@ -53,7 +53,13 @@ def serve(site: Site, *, out: Out, check: bool = False) -> None:
 
 
 def hash_password(out: Out) -> None:
-    """Ask for a password, and tell its hash for the site file."""
+    """Ask for a password, and tell its hash for the site file.
+
+    Raises
+    ------
+    FaultbondError
+        Where none was given.
+    """
     password = getpass("Password: ") if sys.stdin.isatty() else sys.stdin.readline().rstrip("\n")
     if not password:
         raise FaultbondError("no password was given.")

@@ -1,0 +1,141 @@
+"""`faultbond serve` as a program: what it says, what it refuses, and that a kill loses nothing."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from faultbond.cli import main
+from faultbond.errors import FaultbondError
+from faultbond.io.out import Out
+from faultbond.service.program import serve
+from faultbond.service.site import Site, SiteAsset
+from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.web.security import matches
+from loop_asset import MODEL, RECORDING, plant
+
+httpx = pytest.importorskip("httpx", reason="there is no httpx: pip install httpx")
+pytest.importorskip("uvicorn", reason='there is no uvicorn: pip install "faultbond[serve]"')
+
+QUIET = Out(text=None, json=None)
+LONGEST = 90.0  # s that anything takes on a busy machine
+
+
+def free_port() -> int:
+    """Give a port that nobody has."""
+    with socket.create_server(("127.0.0.1", 0)) as door:
+        return int(door.getsockname()[1])
+
+
+@contextmanager
+def served(folder: Path, port: int, *words: str) -> Iterator["subprocess.Popen[str]"]:
+    """Run the program until the test is done with it."""
+    command = [sys.executable, "-m", "faultbond", "serve", str(MODEL), "--port", str(port), *words]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def until(port: int, is_so: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    """Ask for the loop until something holds of it."""
+    end = time.monotonic() + LONGEST
+    while time.monotonic() < end:
+        try:
+            (found,) = httpx.get(f"http://127.0.0.1:{port}/api/v1/site", timeout=5.0).json()["assets"]
+        except httpx.TransportError:
+            found = None
+        if found is not None and is_so(found):
+            return dict(found)
+        time.sleep(0.05)
+    raise TimeoutError("the service")
+
+
+def test_a_killed_service_goes_on_and_tells_nothing_twice(tmp_path: Path) -> None:
+    """Killed three times while a recording is played, it has all records of one that was not, each once."""
+    source = ("--source", f"file:{RECORDING}?speed=20", "--store", "kept.sqlite")
+    port, samples = free_port(), 0
+    for k in range(3):
+        with served(tmp_path, port, *source):
+            samples = until(port, lambda found, k=k: found["samples"] > 250 * (k + 1))["samples"]  # type: ignore[misc]
+    assert samples > 750
+    with served(tmp_path, port, *source, "--json", "records.jsonl") as process:
+        shown = until(port, lambda found: found["samples"] >= 2390)
+        assert shown["status"] == "FAILURE"
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(LONGEST) == 128 + signal.SIGTERM
+    other = ("--source", f"file:{RECORDING}?speed=max", "--store", "whole.sqlite")
+    with served(tmp_path, port, *other) as process:
+        until(port, lambda found: found["samples"] >= 2390)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(LONGEST) == 128 + signal.SIGINT
+        said, complained = process.communicate()
+        assert said == f"rlc: http://127.0.0.1:{port}/ - Ctrl-C stops it.\n"
+        assert complained == ""
+    kept, whole = (SqliteStore(tmp_path / name, writes=False) for name in ("kept.sqlite", "whole.sqlite"))
+    assert [(item.id, item.content) for item in kept.records()] == [(item.id, item.content) for item in whole.records()]
+    assert not kept.contested()
+    lines = [json.loads(line) for line in (tmp_path / "records.jsonl").read_text().splitlines()]
+    known = {item.id: item.content for item in kept.records()}
+    assert lines
+    assert all({k: v for k, v in line.items() if k not in {"asset", "id"}} == known[line["id"]] for line in lines)
+
+
+def site(**changed: Any) -> Site:
+    """Give a site of the loop."""
+    return Site(**{"name": "loop", "assets": (SiteAsset(name="loop", plant=plant()),)} | changed)
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1", "plant.example"])  # noqa: S104
+def test_who_can_be_reached_from_elsewhere_needs_users(host: str) -> None:
+    """Nobody from elsewhere is an engineer."""
+    with pytest.raises(FaultbondError, match=f"listen: {host} can be reached from elsewhere, and there are no users"):
+        serve(site(host=host), out=QUIET)
+
+
+def test_a_port_that_is_taken_is_told(tmp_path: Path) -> None:
+    """In a line, with what to do."""
+    with socket.create_server(("127.0.0.1", 0)) as door:
+        port = door.getsockname()[1]
+        with pytest.raises(FaultbondError, match=f"127.0.0.1:{port}: cannot listen there: .*Name another by --port"):
+            serve(site(port=port, store=str(tmp_path / "kept.sqlite")), out=QUIET)
+
+
+def test_a_check_says_what_would_be_watched(capsys: pytest.CaptureFixture[str]) -> None:
+    """And touches nothing."""
+    assert main(["serve", str(MODEL), "--source", "file:live.csv", "--check", "--accept", "0.99"]) == 0
+    said = capsys.readouterr().out
+    assert "from file:live.csv; accepts what is 0.99 sure" in said
+    assert "Kept in faultbond.sqlite. Page: 127.0.0.1:8350. People: whoever is at this machine." in said
+    assert main(["serve", str(MODEL), "--source", "fiel:live.csv", "--check"]) == 2
+    assert "Did you mean file:?" in capsys.readouterr().err
+
+
+def test_what_does_not_go_together_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A site file names models, sources and store."""
+    path = tmp_path / "site.yaml"
+    path.write_text(f"assets: {{loop: {{model: {MODEL}}}}}\n")
+    assert main(["serve", "--site", str(path), "--source", "-"]) == 2
+    assert "stand in the site file then" in capsys.readouterr().err
+    assert main(["serve", "--site", str(path), "--check", "--json", "-"]) == 0
+    (record,) = map(json.loads, capsys.readouterr().out.splitlines())
+    assert (record["record"], [item["name"] for item in record["assets"]]) == ("site", ["loop"])
+
+
+def test_a_password_is_hashed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is printed lets its owner in, and nobody else."""
+    monkeypatch.setattr(sys, "stdin", StringIO("open sesame\n"))
+    assert main(["serve", "--hash"]) == 0
+    kept = capsys.readouterr().out.strip()
+    assert matches("open sesame", kept)
+    assert not matches("open sesam", kept)
