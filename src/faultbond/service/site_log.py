@@ -201,7 +201,12 @@ class SiteLog:
             cursor=stand.cursor,
             kept_at=self._clock(),
         )
-        for item in self._store.log_after(plan.name, place.rows, place.deeds):
+        behind = (
+            self._store.log_between(plan.name)  # all that is kept: old rows may be forgotten
+            if stand.rows and not stand.checkpoint_rows
+            else self._store.log_after(plan.name, place.rows, place.deeds)
+        )
+        for item in behind:
             if isinstance(item, RowBlock):
                 place.asset.take(item)
                 continue

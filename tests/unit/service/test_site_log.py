@@ -178,3 +178,18 @@ def test_a_checkpoint_that_cannot_be_used_costs_only_time() -> None:
     assert again.assets["loop"].checkpoint() == now.assets["loop"].checkpoint()
     assert again.assets["loop"].alarm == now.assets["loop"].alarm
     assert told(store) == before
+
+
+def test_it_begins_with_what_is_kept_where_old_rows_are_forgotten_and_no_checkpoint_can_be_used() -> None:
+    """As after an update of faultbond: the service starts all the same, from the rows that are there."""
+    store = MemoryStore()
+    now = watch(store, every=100.0)
+    for first in range(0, 800, 200):
+        work(now, arrivals(first, first + 200))
+    (log,) = store.logs.values()
+    log.checkpoints[:] = [replace(item, checkpoint=b"\0" * 9) for item in log.checkpoints]
+    log.rows[:100] = [None] * 100
+    again = watch(store)
+    assert again.assets["loop"].counts.samples == 700
+    work(again, arrivals(800, 900))
+    assert again.rows("loop") == 900
