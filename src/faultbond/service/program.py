@@ -29,7 +29,7 @@ GRACE = 5  # s that answers which are being given have at the end
 
 
 def serve(site: Site, *, out: Out, check: bool = False) -> None:
-    """SiteLog a site and show it, until a signal comes; then every asset is kept as it stands.
+    """Watch a site and show it, until a signal comes; then every asset is kept as it stands.
 
     check: only say what would be watched, once it is known that it can be.
 

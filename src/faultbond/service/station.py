@@ -31,16 +31,22 @@ TICK = 1.0  # s between two looks at who has gone silent
 FORGET_EVERY = 600.0  # s between two looks at what is too old
 FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0  # s before a source that was lost is opened again
 RETRY = 1.0  # s before the store is tried again
+SETTLING = 0.05  # s between two looks at whether what came of a source is in the store
 
 Open = Callable[[str, Sequence[Subscriber]], LiveSource]
 
 
 @dataclass(slots=True)
 class _Feed:
-    """A source. trouble: why it gives nothing now, since when; empty: it does. ended: it has nothing more."""
+    """A source.
+
+    pending: arrivals of it that are not in the store yet. trouble: why it gives nothing now, since when; empty: it
+    does. ended: it has nothing more.
+    """
 
     source: LiveSource
     assets: tuple[str, ...]
+    pending: int = 0
     trouble: str = ""
     since: float = 0.0
     ended: bool = False
@@ -92,7 +98,7 @@ class Service:
     ) -> None:
         self._site, self._store, self._clock = site, store, clock
         self._hear = hear or (lambda _: None)
-        self._watch = SiteLog(
+        self._log = SiteLog(
             [AssetPlan(name=item.name, plant=item.plant, accept=item.accept) for item in site.assets], store
         )
         self._began = clock()
@@ -102,6 +108,7 @@ class Service:
         }
         addresses = dict.fromkeys(item.source for item in site.assets)
         self._feeds = tuple(self._feed(address, open_source) for address in addresses)
+        self._fed = {name: feed for feed in self._feeds for name in feed.assets}
         self._hub = Hub()
         self._lock = threading.Lock()  # of assets and store, between the worker and those who ask
         self._inbox: asyncio.Queue[Arrivals | _Wish] = asyncio.Queue(MOST_WAITING)
@@ -110,7 +117,7 @@ class Service:
         self._stopped = False
 
     async def run(self) -> None:
-        """SiteLog until cancelled; then keep every asset as it stands."""
+        """Watch until cancelled, or until a part fails unforeseen; then keep all assets as they stand."""
         with ThreadPoolExecutor(1, thread_name_prefix="core") as worker:
             try:
                 async with asyncio.TaskGroup() as tasks:
@@ -118,19 +125,21 @@ class Service:
                         tasks.create_task(self._pump(feed))
                     tasks.create_task(self._work(worker))
                     tasks.create_task(self._tick())
+            except ExceptionGroup as failed:
+                raise failed.exceptions[0] from failed
             finally:
                 self._stopped = True
                 self._hub.close()
                 with self._lock:
-                    self._watch.close()
+                    self._log.close()
 
     # What the page asks: see `face.Face`.
 
     def site(self) -> Shown:
         """Give the overview."""
         with self._lock:
-            assets = [self._summary(asset) for asset in self._watch.assets.values()]
-            version = next(iter(self._watch.assets.values())).spec.version
+            assets = [self._summary(asset) for asset in self._log.assets.values()]
+            version = next(iter(self._log.assets.values())).spec.version
         return {
             "name": self._site.name,
             "version": version,
@@ -142,12 +151,12 @@ class Service:
     def asset(self, name: str) -> Shown:
         """Give an asset."""
         with self._lock:
-            return self._asset(self._watch.assets[name])
+            return self._asset(self._log.assets[name])
 
     def curves(self, name: str, begin: float | None, end: float | None, most: int) -> Shown:
         """Give curves of an asset, those of the memory where no period is given."""
         with self._lock:
-            asset = self._watch.assets[name]
+            asset = self._log.assets[name]
             graph = asset.plant.graph
             if begin is None and end is None:
                 return curves_of(graph, asset.curves(most))
@@ -156,7 +165,7 @@ class Service:
     def report(self, name: str) -> str:
         """Give the report of what an asset saw lately."""
         with self._lock:
-            return self._watch.assets[name].run.page()
+            return self._log.assets[name].run.page()
 
     def health(self) -> Mapping[str, Any]:
         """Tell which parts work."""
@@ -213,12 +222,14 @@ class Service:
         """Take what a source gives; open it again, later and later, where it is lost."""
         delay = FIRST_DELAY
         while True:
-            await self._inbox.join()  # so that its cursors are known
-            cursors = {name: at for name, at in self._watch.cursors.items() if name in feed.assets}
+            while feed.pending:  # then its cursors are known
+                await asyncio.sleep(SETTLING)
+            cursors = {name: at for name, at in self._log.cursors.items() if name in feed.assets}
             try:
                 async with aclosing(feed.source.arrivals(cursors)) as coming:
                     async for arrivals in coming:
                         feed.trouble, feed.since, delay = "", 0.0, FIRST_DELAY
+                        feed.pending += 1
                         await self._inbox.put(arrivals)
                 feed.ended, feed.since = True, self._clock()
                 return
@@ -238,8 +249,9 @@ class Service:
             self._answer(items, done)
             for name, content in await loop.run_in_executor(worker, self._news, items, done):
                 self._hub.publish(name, content)
-            for _ in items:
-                self._inbox.task_done()
+            for item in items:
+                if isinstance(item, Arrivals):
+                    self._fed[item.asset].pending -= 1
 
     async def _gathered(self) -> list[Arrivals | _Wish]:
         """Wait for an item, and give it with all that have come besides."""
@@ -261,9 +273,9 @@ class Service:
                     seen = self._seen[item.asset]
                     seen.arrived = item.arrived
                     seen.counts.update(item.counts)
-            done = self._watch.take([item.deed if isinstance(item, _Wish) else item for item in items])
+            done = self._log.take([item.deed if isinstance(item, _Wish) else item for item in items])
             try:
-                self._watch.settle()
+                self._log.settle()
             except StoreError as error:
                 return done, error
             return done, None
@@ -284,7 +296,7 @@ class Service:
     def _settled(self) -> StoreError | None:
         with self._lock:
             try:
-                self._watch.settle()
+                self._log.settle()
             except StoreError as error:
                 return error
             return None
@@ -306,7 +318,7 @@ class Service:
         news: list[tuple[str, Shown]] = []
         changed = {what.asset for what in done if what.outcome.records or what.deed}
         with self._lock:
-            assets = self._watch.assets
+            assets = self._log.assets
             for what in done:
                 curves = what.outcome.curves
                 if curves is not None:
@@ -328,7 +340,7 @@ class Service:
                 forgotten = self._clock()
                 await asyncio.to_thread(self._forget, forgotten - 86400.0 * self._site.days)
             with self._lock:
-                summaries = [self._summary(asset) for asset in self._watch.assets.values()]
+                summaries = [self._summary(asset) for asset in self._log.assets.values()]
             for summary in summaries:
                 now = tuple(str(summary[key]) for key in ("status", "monitoring", "alarm"))
                 if known.get(summary["name"], now) != now:

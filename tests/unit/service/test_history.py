@@ -58,7 +58,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def feed(store: SqliteStore, asset: Asset, rows: RowBlock, first: int) -> None:
-    """SiteLog some rows, and keep what came of them."""
+    """Watch some rows, and keep what came of them."""
     found = asset.take(rows)
     part = Commit(
         asset="tank", rows=rows, arrived=float(first), records=found.records, curves=found.curves, cursor=str(first)

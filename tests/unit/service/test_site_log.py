@@ -19,7 +19,7 @@ from memory_store import MemoryStore
 
 
 def watch(store: Any, every: float = 0.0) -> SiteLog:
-    """SiteLog the loop; `every`: s that pass with each look at the clock."""
+    """Watch the loop; `every`: s that pass with each look at the clock."""
     times = iter(np.arange(0.0, 1e9, every)) if every else iter(lambda: 0.0, 1.0)
     return SiteLog([AssetPlan(name="loop", plant=plant())], store, clock=lambda: float(next(times)))
 

@@ -265,3 +265,22 @@ def test_a_report_and_curves_of_what_was_seen() -> None:
             played.service.curves("pump", None, None, 100)
 
     play(Played(), course)
+
+
+def test_what_is_not_foreseen_ends_the_service_with_what_it_was() -> None:
+    """Not with a group of errors that says nothing; what was taken until then is kept."""
+    store = MemoryStore()
+
+    played = Played(store, last=300)
+    played.source.ends.set()
+    played.service._tick = broken  # type: ignore[method-assign]
+    with pytest.raises(ZeroDivisionError):
+        asyncio.run(asyncio.wait_for(played.service.run(), TIMEOUT))
+    (log,) = store.logs.values()
+    assert log.checkpoints[-1].checkpoint_rows == len(log.rows) > 0
+
+
+async def broken() -> None:
+    """Fail once something has come."""
+    await asyncio.sleep(0.5)
+    raise ZeroDivisionError
