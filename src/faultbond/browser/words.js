@@ -124,7 +124,7 @@ function noClaim(diagnosis, detection) {
   if (diagnosis.mismatch && detection.walk) {
     const name = detection.walk.parameter;
     return `Most likely the model is off: ${name}, which counts as healthy, had to move too far, ${certaintyText(diagnosis.mismatch)}. ` +
-      `Declare the accuracy of ${name} larger, or that it wanders, or mend what moves it.`;
+      `Declare the accuracy of ${name} larger, or ${MODEL.wanders.includes(name) ? "its `wander` larger or longer" : "that it wanders"}, or mend what moves it.`;
   }
   if (diagnosis.unexplained) return unexplainedSentence(diagnosis.unexplained);
   if (!(diagnosis.within_accuracy > diagnosis.candidates[0].probability)) return "";

@@ -249,9 +249,11 @@ def _limit(unit: Unit, suspect: Suspect, item: Forecast, now: float, notation: N
     return f"it reaches {limit} in about {ahead}, at {median} ({early} to {late})"
 
 
-def cure_of_walk(parameter: str) -> str:
+def cure_of_walk(graph: BondGraph, parameter: str) -> str:
     """Say what to do about a parameter that the healthy model moves too far, though it is healthy."""
-    return f"Declare the accuracy of {parameter} larger, or that it wanders, or mend what moves it."
+    declared = any(item.target == parameter for item in graph.wanders)
+    wander = "its `wander` larger or longer" if declared else "that it wanders"
+    return f"Declare the accuracy of {parameter} larger, or {wander}, or mend what moves it."
 
 
 def otherwise(candidate: Candidate) -> str:
