@@ -253,6 +253,28 @@ def test_a_right_model_keeps_its_promise(model: Path, tmp_path: Path) -> None:
     assert bad["moments"][0]["sensor"] == "i"
 
 
+@pytest.mark.parametrize(("silent", "starts"), [(0.0, 2), (1e4, 0)])
+def test_a_fit_that_takes_long_tells_in_a_file_what_it_does(
+    model: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    silent: float,
+    starts: int,
+) -> None:
+    """Where standard error is no terminal each start and stage is a line of it, from a while on; records have none."""
+    monkeypatch.setattr("faultbond.app.identification._SILENT", silent)
+    recording = write_current(tmp_path / "a.csv", rows=300)
+    assert main(["fit", str(model), str(recording), "--starts", "2", "--json", "-"]) == DONE
+    said = capsys.readouterr()
+    told = said.err.splitlines()
+    wanted = [f"faultbond: start {k + 1} of 2 ..." for k in range(starts)]
+    assert [line for line in told if "start" in line] == wanted
+    assert len(told) == len(set(told))
+    assert bool(told) == bool(starts)
+    assert {json.loads(line)["record"] for line in said.out.splitlines()} == {"fit"}
+
+
 def test_a_fit_tells_how_far_it_is(
     model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -272,7 +294,7 @@ def test_a_fit_tells_how_far_it_is(
     assert steps == [f"start 2 of 2{STEP}{k}" for k in range(1, len(steps) + 1)]
     assert len(steps) > 2
     capsys.readouterr()
-    tell = _lines()
+    tell = _lines(0.0)
     for text in told[:10]:
         tell(text)
     assert capsys.readouterr().err == "faultbond: start 1 of 2 ...\n"

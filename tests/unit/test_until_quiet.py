@@ -32,7 +32,7 @@ from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model, parse_model
 from faultbond.report.fit_result import Fitted
 from faultbond.report.health import health_record, where_lines
-from faultbond.report.quiet_result import amended_text, raised_text
+from faultbond.report.quiet_result import _added_row, amended_text, raised_text
 from faultbond.report.verdict import unexplained_sentence
 from faultbond.runtime.core import Core
 
@@ -432,6 +432,30 @@ def test_only_the_slow_error_that_is_raised_is_written_anew() -> None:
     before, after = graph.slow_errors, parse_model(again).slow_errors
     assert [y.sd / x.sd for x, y in zip(before, after, strict=True)] == pytest.approx([1.0, 2.0])
     assert [(item.what, item.times) for item in raised] == [("slow error of L.e", 2.0)]
+
+
+def test_a_slow_error_has_the_unit_of_its_signal() -> None:
+    """What laws and units fix is told and written in that unit, though nobody states it; else the table says SI."""
+    text = """
+name: mixer
+sample_time: 1 s
+inputs: {draw: {unit: l/min}, u: {unit: percent}}
+constants: {litre: 1 kg/l}
+blocks:
+  tap: {law: wd = draw*litre}
+  part: {law: s = wd/W, parameters: {W: 2 kg/s}}
+  free: {law: z = k*u, parameters: {k: 3}}
+  tank: {law: der(m) = wd*s - m/T, parameters: {T: 100 s}}
+sensors: {level: {reads: m + z, noise: 0.1}}
+"""
+    graph = parse_model(text)
+    items = [Imperfection(kind=Kind.ABSOLUTE, place=name, size=0.0123, memory=39.5) for name in ("wd", "s", "z")]
+    added = [Added(what=item, trained=1.0, held=1.0) for item in items]
+    assert [_added_row(graph, item)[2:4] for item in added] == [("0.0123", "kg/s"), ("0.0123", ""), ("0.0123", "SI")]
+    written = amended_text(text, graph, added)
+    assert "wd: 0.013 kg/s over 40 s" in written
+    assert "s: 0.013 over 40 s" in written
+    assert [error.sd for error in parse_model(written).slow_errors] == pytest.approx([0.013] * 3)
 
 
 def test_what_is_added_is_read_back(model: Path) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +34,8 @@ from faultbond.types import STEP, TimeGrid
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+_SILENT = 60.0  # s without a word, where standard error is no terminal
 
 
 def _silent(_: str) -> None:
@@ -263,21 +266,23 @@ def _refuse(graph: BondGraph, recordings: tuple[Recording, ...]) -> None:
 
 
 def _waiting(*, long: bool = False) -> AbstractContextManager[Callable[[str], None]]:
-    """Say what is being done: on a terminal in a line that moves, else, if it takes long, in a line each."""
+    """Say what is being done: on a terminal in a line that moves, else in a line each, from when it takes long."""
     if not sys.stderr.isatty():
-        return nullcontext(_lines() if long else lambda text: None)
+        return nullcontext(_lines(0.0 if long else _SILENT))
     from rich.console import Console  # noqa: PLC0415 - slow to load
 
     return _spinning(Console(stderr=True))
 
 
-def _lines() -> Callable[[str], None]:
-    """Give what says in a line each what is being done, without the steps of it."""
-    last = ""
+def _lines(silent: float) -> Callable[[str], None]:
+    """Give what says in a line each what is being done, without the steps of it, once so many seconds have gone."""
+    last, begin = "", monotonic()
 
     def tell(text: str) -> None:
         nonlocal last
         what = text.partition(STEP)[0]
+        if monotonic() - begin < silent:
+            return
         if what != last:
             sys.stderr.write(f"faultbond: {what} ...\n")
         last = what

@@ -59,7 +59,8 @@ function misreading(name, item) {
   if (!isOff(item)) return `its ${word} may still be ${word === "bias" ? "0" : "right"}`;
   if (word === "gain") {
     const change = changeText(item.nominal || 0, item.estimate, item.sd);
-    return `it reads ${numberText(value, sd)} times the right value${unit.shownIn}${change ? ` (gain, ${change})` : ""}`;
+    const times = `${numberText(value, sd)} times`, rest = `${unit.shownIn}${change ? ` (gain, ${change})` : ""}`;
+    return unit.isInput ? `it acts ${times} what is recorded${rest}` : `it reads ${times} the right value${rest}`;
   }
   const size = withUnit(Math.abs(value), unit.unit, sd);
   if (word === "noise") {
@@ -123,7 +124,7 @@ function noClaim(diagnosis, detection) {
   if (diagnosis.mismatch && detection.walk) {
     const name = detection.walk.parameter;
     return `Most likely the model is off: ${name}, which counts as healthy, had to move too far, ${certaintyText(diagnosis.mismatch)}. ` +
-      `Declare the accuracy of ${name} larger, or that it wanders, or mend what moves it.`;
+      `Declare the accuracy of ${name} larger, or ${MODEL.wanders.includes(name) ? "its `wander` larger or longer" : "that it wanders"}, or mend what moves it.`;
   }
   if (diagnosis.unexplained) return unexplainedSentence(diagnosis.unexplained);
   if (!(diagnosis.within_accuracy > diagnosis.candidates[0].probability)) return "";

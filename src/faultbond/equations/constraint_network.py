@@ -49,6 +49,7 @@ class ConstraintNetwork:
     signals: unknown at an instant, given states, inputs and parameters.
     states: independent stores. dependent: stores in derivative causality; their quantity is one of the signals.
     readings: one expression per sensor. by_hand: one per signal that a person can measure, in the order of the checks.
+    sensed: one expression per sensor, what it would read without its lag.
     """
 
     signals: tuple[str, ...]
@@ -59,6 +60,7 @@ class ConstraintNetwork:
     slow_errors: tuple[SlowError, ...]
     free: tuple[str, ...] = ()  # unknown inputs
     by_hand: tuple[Expression, ...] = ()
+    sensed: tuple[Expression, ...] = ()
 
 
 class _Names:
@@ -125,6 +127,7 @@ def _lagging(graph: BondGraph, network: ConstraintNetwork) -> ConstraintNetwork:
         [rename(item, lambda name: behind.get(name, name)) for item in items]
         for items in (network.readings, network.by_hand)
     )
+    sensed = tuple(readings)
     stores: list[Store] = []
 
     def follow(item: Input | Sensor, what: Expression, source: str) -> Name:
@@ -148,6 +151,7 @@ def _lagging(graph: BondGraph, network: ConstraintNetwork) -> ConstraintNetwork:
         states=(*network.states, *stores),
         readings=tuple(readings),
         by_hand=tuple(by_hand),
+        sensed=sensed,
     )
 
 

@@ -113,9 +113,9 @@ def _co_energy(
 ) -> CoEnergy | None:
     """Give the co-energy of a store whose law holds nothing but content, co-energy, parameters and constants.
 
-    None where a sensor reads the content itself: docs/decisions/005-filter-states.md.
+    None where a sensor reads the content itself, at once or with a lag: docs/decisions/005-filter-states.md.
     """
-    if any(store.name in names(reading) for reading in network.readings):
+    if any(store.name in names(what) for what in network.sensed):
         return None
     places = {item.name for item in network.states if item.partner is None}  # integrals, such as a position
     own = {store.name, *places, *(item.name for item in graph.parameters), *(item.name for item in graph.fixed)}

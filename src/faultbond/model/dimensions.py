@@ -195,6 +195,11 @@ class Checker:
     def _hint(self, left: Dimension, right: Dimension) -> str:
         return coulomb_hint(_known(self.solver.reduced(left)), _known(self.solver.reduced(right)))
 
+    def unit_of(self, signal: str) -> str | None:
+        """Give the SI unit of a signal, `1` if it is dimensionless; None where laws and units do not fix it."""
+        form = self.solver.reduced(self._name(signal))
+        return None if _unknowns(form) else str(form)
+
     def law(self, left: Expression, right: Expression, where: str) -> None:
         """Demand that the two sides of a law agree.
 
@@ -245,8 +250,8 @@ def regions(plant: Wiring) -> dict[str, str]:
 Demand = Callable[[Checker], None]
 
 
-def check_demands(demands: Sequence[Demand], start: Callable[[], Checker]) -> None:
-    """Check all demands; where one alone spoils the others, it is the one in the message.
+def check_demands(demands: Sequence[Demand], start: Callable[[], Checker]) -> Checker:
+    """Check all demands, and give who knows then; where one alone spoils the others, it is the one in the message.
 
     Raises
     ------
@@ -256,7 +261,7 @@ def check_demands(demands: Sequence[Demand], start: Callable[[], Checker]) -> No
     checker = start()
     first = _first_failure(demands, checker)
     if first is None:
-        return
+        return checker
     index, error = first
     if (index + 1) * (checker.n_parts + checker.solver.work) <= MAX_BLAME_WORK:
         rests = ([*demands[:item], *demands[item + 1 :]] for item in range(index + 1))

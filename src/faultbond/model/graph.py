@@ -347,6 +347,7 @@ class BondGraph:
     checks: tuple[Check, ...] = ()
     correlations: tuple[Correlation, ...] = ()  # of the accuracies of parameters
     defaults: tuple[tuple[str, str], ...] = ()
+    signal_units: tuple[tuple[str, str], ...] = ()  # SI units of signals of laws, where laws and units fix them
     file: str = "model"
     text: str = ""  # canonical model text, the source of `sha256`
 

@@ -61,8 +61,9 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
     validity = ValidityReader(laws, frozenset(item.name for item in measured.sensors))
     valid_when = validity.read(fields["valid_when"]) if "valid_when" in fields else None
     sensors = tuple(_valid(item, measured.valid.get(item.name), validity) for item in measured.sensors)
+    checker = None
     if not head.logic:
-        _check_dimensions(source, plant, values, components, laws, measured, validity)
+        checker = _check_dimensions(source, plant, values, components, laws, measured, validity)
     warm_up = _warm_up(fields, head, measured.slow_errors)
     patience = None
     if "time_between_false_alarms" in fields:
@@ -96,8 +97,19 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
         defaults=defaults.pairs(),
         file=source.label,
     )
+    if checker is not None:
+        graph = replace(graph, signal_units=tuple(_units(graph, plant, checker)))
     graph = averaged(trust_states(graph))
     return replace(graph, text=dump_model(graph))
+
+
+def _units(graph: BondGraph, plant: Wiring, checker: Checker) -> Iterator[tuple[str, str]]:
+    """Give the SI unit of each signal of which laws and units fix it."""
+    bonded = (f"{part}.{signal}" for part in (*plant.parts, *plant.junctions) for signal in plant.signals(part))
+    for name in graph.block_signals if graph.is_block_network else bonded:
+        unit = checker.unit_of(name)
+        if unit is not None:
+            yield name, unit
 
 
 def _valid(sensor: Sensor, stated: Spot | None, reader: ValidityReader) -> Sensor:
@@ -140,7 +152,7 @@ def _check_dimensions(
     laws: LawReader | BlockReader,
     measured: Measured,
     validity: ValidityReader,
-) -> None:
+) -> Checker:
     """Check laws, in the order of the file, then what refers to their signals."""
     demands: list[Demand] = []
 
@@ -166,4 +178,4 @@ def _check_dimensions(
         if start.measure is not None:
             words = f"start of {start.signal.partition('.')[0]}", "the start"
             expect(Name(start.signal), start.measure, words, start.line)
-    check_demands([*demands, *validity.demands], lambda: Checker(plant, values))
+    return check_demands([*demands, *validity.demands], lambda: Checker(plant, values))

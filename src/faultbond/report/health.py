@@ -18,6 +18,7 @@ from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, r
 from faultbond.report.suspects import cure_of_walk
 
 MOST_REGIONS = 6
+MOST_DIGITS = 9  # of the ends of a range
 MUCH = 0.8  # of the limit of a walk
 YEAR = 365.25 * 86400.0  # s
 CLIMBS = {1: "reads more than expected", -1: "reads less than expected", 0: "scatters more than declared"}
@@ -98,7 +99,7 @@ def print_health(console: Console, graph: BondGraph, found: Health, slower: floa
     table(console, header, [(f"{x:g}", *(tried[kind, x] for kind in found.needed)) for x in FACTORS])
     lines(console, under("needed", _needed_texts(found)))
     console.print()
-    console.print(Text(health_verdict(found), style="bold green" if found.keeps else "bold yellow"))
+    console.print(Text(health_verdict(graph, found), style="bold green" if found.keeps else "bold yellow"))
 
 
 def spacing_text(seconds: float) -> str:
@@ -136,7 +137,10 @@ def _hints(graph: BondGraph, found: Health) -> Iterator[str]:
             yield f"{item.sensor} follows changes of {item.of} later than the model says{by}: {ways}?"
     if found.walk > MUCH:
         far = f"{100 * found.walk:.0f} % of the way to an alarm"
-        yield f"{found.walker} walks on healthy data, {far}: is it a constant?"
+        asked = "is it a constant?"
+        if any(item.target == found.walker for item in graph.wanders):
+            asked = "does it wander farther, or for longer, than declared?"
+        yield f"{found.walker} walks on healthy data, {far}: {asked}"
 
 
 def _longer(graph: BondGraph, name: str) -> str:
@@ -159,8 +163,17 @@ def _region_text(item: Region, units: dict[str, Unit]) -> str:
     if item.after_step:
         return f"{text} soon after a step of {item.of}"
     unit = units[item.of]
-    low, high = (figure(unit.from_si(end), digits=3).number() for end in (item.low, item.high))
+    low, high = _ends(unit.from_si(item.low), unit.from_si(item.high))
     return f"{text} where {item.of} is {low} to {high} {unit_text(unit.text)}".rstrip()
+
+
+def _ends(low: float, high: float) -> tuple[str, str]:
+    """Give the ends of a range with three digits, or with two of how wide it is where that is more: 138.6 to 139.2."""
+    wide, digits = abs(high - low), 3
+    if math.isfinite(wide) and wide > 0.0:
+        digits = 2 + math.floor(math.log10(max(abs(low), abs(high)))) - math.floor(math.log10(wide))
+    low_text, high_text = (figure(end, digits=min(max(digits, 3), MOST_DIGITS)).number() for end in (low, high))
+    return low_text, high_text
 
 
 def _needed_texts(found: Health) -> Iterator[str]:
@@ -175,14 +188,14 @@ def _needed_texts(found: Health) -> Iterator[str]:
             yield f"{WORDS[kind]}: {factor:g} times those declared"
 
 
-def health_verdict(found: Health) -> str:
+def health_verdict(graph: BondGraph, found: Health) -> str:
     """Say in a sentence what came of it."""
     if found.keeps:
         often = spacing_text(found.between)
         return f"The model keeps the promise: a false alarm every {often}, as far as these recordings tell."
     if found.walk > 1.0:  # what else is declared is no cure of that
         far = f"the healthy model has to move {found.walker} as far as for an alarm"
-        return f"The model does not keep the promise: {far}. {cure_of_walk(found.walker)}"
+        return f"The model does not keep the promise: {far}. {cure_of_walk(graph, found.walker)}"
     now = "it alarms on them" if found.peak > 1.0 else f"a false alarm every {spacing_text(found.between)}"
     factors = {kind: factor for kind, factor in found.needed.items() if factor and factor != 1.0}
     ways = [f"{WORDS[kind]} {factor:g} times as large" for kind, factor in factors.items() if factor > 1.0]

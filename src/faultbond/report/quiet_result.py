@@ -81,7 +81,7 @@ def _entry(graph: BondGraph, item: Imperfection) -> tuple[Path, str]:
     if item.kind is Kind.HOLD:
         return (section, item.place, "hold"), "linear"
     size, unit = _sized(graph, item)
-    words = f"{_up(size)} {unit}".rstrip()
+    words = f"{_up(size)} {'' if unit == '1' else unit}".rstrip()
     if item.kind is Kind.INPUT_NOISE:  # of a row, where it was found of a mean of some
         of_row = f"{_up(size * math.sqrt(graph.rows_per_sample))} {unit}".rstrip()
         return (section, item.place, "noise"), of_row
@@ -90,7 +90,7 @@ def _entry(graph: BondGraph, item: Imperfection) -> tuple[Path, str]:
 
 
 def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
-    """Give a size in the unit of what it is of, and the unit; of a signal without a known one in SI."""
+    """Give a size in the unit of what it is of, and the unit; SI of a signal of which no unit is declared."""
     if item.kind in (Kind.RELATIVE, Kind.WANDER):
         return 100.0 * item.size, "%"
     if item.kind is Kind.LAG:
@@ -98,6 +98,8 @@ def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
     known = {one.name: one.unit for one in graph.sensors} | {one.name: one.unit for one in graph.inputs}
     declared = {one.target: one.unit for one in graph.slow_errors if not one.relative}
     unit = known.get(item.place) or declared.get(item.place) or Unit("")
+    if not unit.text:
+        unit = Unit(dict(graph.signal_units).get(item.place, ""))
     if unit.offset:  # a difference of temperatures
         return item.size, "K"
     return item.size / unit.factor, unit.text

@@ -299,7 +299,7 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         + (MOVES if suspect.moved and suspect.stopped is None else "")
         for suspect in best.suspects
     )
-    off = _no_claim(diagnosis, history.open)
+    off = _no_claim(graph, diagnosis, history.open)
     if off:  # what comes nearest
         if len(group) > 1:
             return f"{off} Nearest come {_listed([set_name(graph, candidate) for candidate in group])}."
@@ -383,12 +383,12 @@ def unexplained_sentence(found: Unexplained) -> str:
     )
 
 
-def _no_claim(diagnosis: Diagnosis, began: Detection) -> str:
+def _no_claim(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> str:
     """Say why no candidate is claimed of what began with this alarm; empty where one is."""
     if diagnosis.mismatch and began.walk is not None:  # it is never less likely than all sets together
         name, sure = began.walk.parameter, certainty_text(diagnosis.mismatch)
         told = f"Most likely the model is off: {name}, which counts as healthy, had to move too far, {sure}."
-        return f"{told} {cure_of_walk(name)}"
+        return f"{told} {cure_of_walk(graph, name)}"
     if diagnosis.unexplained is not None:
         return unexplained_sentence(diagnosis.unexplained)
     if diagnosis.within_accuracy <= diagnosis.candidates[0].probability:

@@ -172,6 +172,15 @@ def test_a_store_that_a_sensor_reads_has_its_content_as_state() -> None:
     assert "spring.q" in by["spring.q"]
 
 
+@pytest.mark.parametrize("reads", ["rod.q", "spring.q"])
+def test_a_lag_adds_a_state_and_leaves_the_others_as_they_are(reads: str) -> None:
+    """What a sensor reads chooses the states; that it lags adds its own: `fit` passes on what it knows by state."""
+    text = CYLINDER.replace("READS", reads)
+    states = build_step_model(build_plant(parse_model(text))).states
+    lagging = text.replace("noise: 0.1 mm}", "noise: 0.1 mm, lag: 5 ms}")
+    assert build_step_model(build_plant(parse_model(lagging))).states == (*states, "x.lagged")
+
+
 def test_pressure_over_a_volume_that_moves_is_a_state() -> None:
     """Oil whose volume depends on a position has the pressure as state, which moves with volume flow and piston."""
     model = build_step_model(build_plant(parse_model(CYLINDER.replace("READS", "rod.q"))))

@@ -1,10 +1,30 @@
 """What a trial on healthy data comes to, in a sentence."""
 
+from dataclasses import replace
+
 import pytest
 
 from faultbond.fit.false_alarms import Rate
+from faultbond.fit.lack_of_fit import Region
 from faultbond.fit.trial import Health
-from faultbond.report.health import health_verdict
+from faultbond.model.graph import BondGraph
+from faultbond.model.text import parse_model
+from faultbond.report.health import health_verdict, where_lines
+
+MODEL = """
+name: divider
+sample_time: 1 s
+inputs: {V: {unit: V}}
+components:
+  source: {type: Se, law: e = V}
+  R: {type: R, parameters: {R: 1 kohm}}
+  Rc: {type: R, parameters: {Rc: 3 kohm}}
+junctions: {a: 1}
+bonds: [source -> a -> R, a -> Rc]
+sensors: {i: {reads: a.f, unit: mA, noise: 10 uA}}
+"""
+GRAPH = parse_model(MODEL)
+WANDERING = parse_model(MODEL.replace("R: 1 kohm", "R: {nominal: 1 kohm, wander: 6 % over 30 min}"))
 
 
 def health(*, peak: float = 0.4, between: float = 1e9, walk: float = 0.3) -> Health:
@@ -30,14 +50,45 @@ def health(*, peak: float = 0.4, between: float = 1e9, walk: float = 0.3) -> Hea
 @pytest.mark.parametrize("peak", [0.4, 1.3])
 def test_a_parameter_that_walks_too_far_is_named_with_its_cure(peak: float) -> None:
     """Neither noise nor a time between false alarms, which may be long, says what is wrong then."""
-    assert "keeps the promise" in health_verdict(health())
-    told = health_verdict(health(walk=1.35, peak=peak))
+    assert "keeps the promise" in health_verdict(GRAPH, health())
+    told = health_verdict(GRAPH, health(walk=1.35, peak=peak))
     assert "does not keep the promise: the healthy model has to move R as far as for an alarm." in told
     assert "Declare the accuracy of R larger" in told
     assert "every" not in told
 
 
+@pytest.mark.parametrize(
+    ("graph", "cure", "asked"),
+    [
+        (GRAPH, "or that it wanders,", "is it a constant?"),
+        (WANDERING, "or its `wander` larger or longer,", "does it wander farther, or for longer, than declared?"),
+    ],
+)
+def test_what_wanders_already_is_to_wander_more(graph: BondGraph, cure: str, asked: str) -> None:
+    """No advice asks for what the model file has."""
+    assert cure in health_verdict(graph, health(walk=1.35))
+    hints = " ".join(text for _, text in where_lines(graph, health(walk=1.35)))
+    assert hints.endswith(f"R walks on healthy data, 135 % of the way to an alarm: {asked}")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "told"),
+    [
+        (138.63, 139.21, "138.63 to 139.21 V"),
+        (1.0, 5.0, "1 to 5 V"),
+        (12.3456, 71.2345, "12.3 to 71.2 V"),
+        (7.0, 7.0, "7 to 7 V"),
+        (-float("inf"), 7.0, "unknown to 7 V"),
+    ],
+)
+def test_the_ends_of_a_range_differ(low: float, high: float, told: str) -> None:
+    """Of a narrow range as many digits are told as show where it is; else three."""
+    where = Region(sensor="i", of="V", low=low, high=high, after_step=False, mean=0.6, spread=1.0, samples=50)
+    lines = where_lines(GRAPH, replace(health(), regions=(where,)))
+    assert lines[0][1] == f"i reads 0.6 sd more than expected where V is {told}"
+
+
 def test_what_alarms_by_its_sums_says_so() -> None:
     """Where no parameter walks, it is what it was."""
-    assert "does not keep the promise: it alarms on them." in health_verdict(health(peak=1.3))
-    assert "a false alarm every" in health_verdict(health(between=1e4))
+    assert "does not keep the promise: it alarms on them." in health_verdict(GRAPH, health(peak=1.3))
+    assert "a false alarm every" in health_verdict(GRAPH, health(between=1e4))
