@@ -1,0 +1,71 @@
+"""Takes the pictures of the operators' page, from a service that plays the tank's recording.
+
+    python docs/images/service.py
+
+It needs playwright with a Chromium: `chromium` on the path, or the one that playwright installs.
+"""
+
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import httpx
+from playwright.sync_api import sync_playwright
+
+ROOT = Path(__file__).parents[2]
+RECORDING = "examples/tank/fault_pipe.csv"
+PORT = 8397
+SHOWN = 2400  # samples that have passed when the pictures are taken
+
+
+def main() -> None:
+    """Serve, wait, take the pictures."""
+    words = ["serve", "--source", f"file:{RECORDING}?speed=60", "--port", str(PORT), "--store"]
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "faultbond", *words, f"{folder}/kept.sqlite"]
+        with subprocess.Popen(command, cwd=ROOT) as service:  # noqa: S603
+            try:
+                wait()
+                take()
+            finally:
+                service.send_signal(signal.SIGINT)
+
+
+def wait() -> None:
+    """Wait until enough has passed."""
+    for _ in range(600):
+        try:
+            (tank,) = httpx.get(f"http://127.0.0.1:{PORT}/api/v1/site").json()["assets"]
+        except httpx.TransportError:
+            tank = {"samples": 0}
+        if tank["samples"] >= SHOWN:
+            return
+        time.sleep(0.2)
+    raise TimeoutError("the service has passed too few samples")
+
+
+def take() -> None:
+    """Take the overview on a phone, and the asset on a desk."""
+    with sync_playwright() as played:
+        browser = played.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        picture(browser, "", "service_phone.png", width=390, height=430, scheme="dark")
+        picture(browser, "#/tank", "service.png", width=1280, height=1440, scheme="light")
+        browser.close()
+
+
+def picture(browser: Any, place: str, name: str, *, width: int, height: int, scheme: str) -> None:
+    """Take one picture."""
+    page = browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
+    page.goto(f"http://127.0.0.1:{PORT}/{place}")
+    page.wait_for_timeout(3000)  # plots draw themselves
+    page.screenshot(path=Path(__file__).parent / name)
+    page.close()
+
+
+if __name__ == "__main__":
+    main()
