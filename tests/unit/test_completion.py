@@ -41,7 +41,7 @@ def test_bash_completes(scripts: Path, tmp_path: Path) -> None:
         (tmp_path / name).touch()
     verbs = {verb.name for verb in verbs_of(build_parser())}
     assert completed(scripts, tmp_path, "") == verbs
-    assert completed(scripts, tmp_path, "s") == {"simulate"}
+    assert completed(scripts, tmp_path, "s") == {"serve", "simulate"}
     assert completed(scripts, tmp_path, "--v") == {"--version"}
     assert completed(scripts, tmp_path, "run", "--me") == {"--method"}
     assert completed(scripts, tmp_path, "run", "--method", "") == {"bank", "classic"}

@@ -28,6 +28,9 @@ GIVES = {  # what each extra is for
     "compiler": "a C compiler for machines that have none",
     "parquet": "recordings as Parquet",
     "plot": "figures of results, `result.plot()`",
+    "serve": "the page of `faultbond serve`",
+    "mqtt": "its sources `mqtt://` and `mqtts://`",
+    "opcua": "its source `opc.tcp://`",
 }
 PROBE, ANSWER = "int answer(void) { return 42; }\n", 42
 READING, WATCHING, KEEPING = "reading models", "watching plants", "starting at once"
@@ -247,8 +250,8 @@ def _abilities(found: list[Examined]) -> list[Examined]:
         KEEPING: set() if cache is State.OK else {"cache"},
     }
     verbs = {
-        READING: "check, analyse, simulate",
-        WATCHING: "run, demo, fit, accept, reject, generate",
+        READING: "check, analyse, simulate, history",
+        WATCHING: "run, demo, fit, accept, reject, generate, serve",
         KEEPING: "a model is compiled once, at its first run",
     }
     found = []
