@@ -1,4 +1,4 @@
-"""The newest states of an asset, each with its checksum: where one is damaged, that before it serves."""
+"""The newest states of an asset, deflated, each with its checksum: where one is damaged, that before it serves."""
 
 import zlib
 from collections.abc import Callable
@@ -8,17 +8,19 @@ from faultbond.service.store.database import Database
 from faultbond.service.store.tail import Log
 
 KEPT = 3  # of each log
+LEVEL = 1  # of deflating: the tank's healthy state of 1 MB becomes 0.27 MB in 9 ms, and no smaller at higher levels
 
 
 def write_checkpoint(database: Database, log: Log, content: bytes) -> None:
     """Write the state of an asset as it is behind all of its log, and forget the oldest, inside a transaction."""
+    kept = zlib.compress(content, LEVEL)
     database.insert(
         "checkpoints",
         log=log.number,
         rows=log.rows,
         deeds=log.deeds,
-        checksum=zlib.crc32(content),
-        content=content,
+        checksum=zlib.crc32(kept),
+        content=kept,
     )
     older = "SELECT number FROM checkpoints WHERE log=? ORDER BY number DESC LIMIT -1 OFFSET ?"
     database.change(f"DELETE FROM checkpoints WHERE number IN ({older})", log.number, KEPT)  # noqa: S608
@@ -32,7 +34,7 @@ def stand_of(database: Database, log: Log, tell: Callable[[str], None]) -> LogPl
             return LogPlace(
                 rows=log.rows,
                 cursor=log.cursor,
-                checkpoint=content,
+                checkpoint=zlib.decompress(content),
                 checkpoint_rows=rows,
                 checkpoint_deeds=deeds,
             )
