@@ -91,4 +91,4 @@ def test_a_command_line_names_assets_by_their_files() -> None:
 def test_a_network_without_time_is_refused() -> None:
     """There is nothing to watch."""
     with pytest.raises(FaultbondError, match="no samples to watch"):
-        site_of([Path("examples/thesis/fig_3_7.yaml")], source=None, store=None, port=None, accept=None)
+        site_of([MODEL.parents[1] / "thesis" / "fig_3_7.yaml"], source=None, store=None, port=None, accept=None)
