@@ -125,6 +125,35 @@ def test_what_is_taken_back_was_never_decided(stores: tuple[SqliteStore, SqliteS
     assert "no decision that can be taken back" in str(refused.error)
 
 
+def test_every_record_has_a_name_of_its_own(stores: tuple[SqliteStore, SqliteStore]) -> None:
+    """Also of the same sample: after two rejections in a row, and after one was taken back while diagnoses came."""
+    store, _ = stores
+    now = watch(store)
+    work(now, arrivals(0, FOUND))
+    first = work(now, deed(Action.REJECT, *best(now)))
+    second = work(now, deed(Action.REJECT, *best(now)))
+    assert [[record.kind for record in item.outcome.records] for item in first + second] == [
+        ["rejected", "diagnosis"]
+    ] * 2
+    work(now, arrivals(FOUND, FOUND + 100))
+    (undone,) = work(now, deed(Action.UNDO))
+    assert [record.kind for record in undone.outcome.records].count("diagnosis") > 1
+    names = [record.id for item in (*first, *second, undone) for record in item.outcome.records]
+    assert len(set(names)) == len(names)
+    assert not store.contested()
+
+
+def test_no_decision_is_taken_back_after_the_next_alarm() -> None:
+    """Said to be repaired while the fault is there, it alarms anew; what was decided before is past."""
+    now = watch(MemoryStore())
+    work(now, arrivals(0, FOUND))
+    work(now, deed(Action.REPAIRED, *best(now)))
+    assert now.assets["loop"].undo is not None
+    work(now, arrivals(FOUND, len(rows())))
+    assert now.assets["loop"].detection is not None
+    assert now.assets["loop"].undo is None
+
+
 def test_what_is_refused_is_not_in_the_log() -> None:
     """A deed that makes no sense leaves nothing behind, and those around it are done."""
     store = MemoryStore()
