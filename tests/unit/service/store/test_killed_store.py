@@ -25,7 +25,8 @@ WRITER = Path(__file__).with_name("killed_writer.py")
 def killed(path: Path, seed: int, after: float) -> list[int]:
     """Let a writer write until it is killed, so many seconds after its first commit; give what it had acknowledged."""
     command = [sys.executable, str(WRITER), str(path), str(len(ASSETS)), str(seed)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
+    finds = {"PYTHONPATH": os.pathsep.join(sys.path)}  # what tests share
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | finds) as writer:
         assert writer.stdout is not None
         lines = [writer.stdout.readline()]
         time.sleep(after)
