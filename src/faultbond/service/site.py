@@ -11,7 +11,9 @@ from faultbond.app.wishes import DEMO, Wanted
 from faultbond.errors import FaultbondError, ModelError
 from faultbond.io.examples import example
 from faultbond.model.document import read_document
-from faultbond.model.source import NAME, Items, Node, Source, Table, Text
+from faultbond.model.keys import TEXT, Key, Keys
+from faultbond.model.source import Entry, Source, choice, shown
+from faultbond.model.spot import Spot
 from faultbond.model.yaml_nodes import read_yaml
 from faultbond.service.sources.options import SourceOptions
 from faultbond.types import TimeGrid
@@ -21,9 +23,44 @@ STORE = Path("faultbond.sqlite")
 SIMULATED = "sim:"
 SHOWN = "sim:?speed=10"  # of the built-in plant: its fault comes after half a minute
 ROLES = ("view", "operate", "engineer")
-_KEYS = ("name", "store", "listen", "source", "connection", "accept", "assets", "users", "keep")
-_CONNECTION = ("user", "password_file", "authority", "certificate", "key", "server_certificate")
-_ASSET = ("model", "source", "accept", "topic", "nodes", "hold")
+
+ASSETS = "write `assets: {NAME: {model: FILE}}`"
+_FILE = Key(TEXT, "a file, taken from where the site file lies")
+SITE_KEYS = Keys(
+    {
+        "name": Key(TEXT, "what the page calls it"),
+        "store": Key(TEXT, "file, or address of a database"),
+        "listen": Key({}, "where the page is: `address`, `port`"),
+        "source": Key(TEXT, "address of the measurements of those assets that name none"),
+        "connection": Key({}, "how to log in at sources"),
+        "accept": Key({}, "probability from which a rule accepts a diagnosis"),
+        "assets": Key({}, missing=ASSETS),
+        "users": Key({}, "who may log in"),
+        "keep": Key({}, "for how many `days` rows and curves are kept"),
+    }
+)
+LISTEN_KEYS = Keys({"address": Key(TEXT), "port": Key({})})
+KEEP_KEYS = Keys({"days": Key({})})
+CONNECTION_KEYS = Keys(
+    {"user": Key(TEXT)}
+    | dict.fromkeys(("password_file", "authority", "certificate", "key", "server_certificate"), _FILE)
+)
+ASSET_KEYS = Keys(
+    {
+        "model": Key(TEXT, missing="write `model: FILE`"),
+        "source": Key(TEXT),
+        "accept": Key({}),
+        "topic": Key(TEXT, "filter of its MQTT topics"),
+        "nodes": Key({}, "OPC UA node by column"),
+        "hold": Key({}, "columns whose last value holds until the next one"),
+    }
+)
+USER_KEYS = Keys(
+    {
+        "role": Key({}, missing=f"write one of {', '.join(ROLES)}"),
+        "password": Key(TEXT, missing="write the hash that `faultbond serve --hash` gives"),
+    }
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -114,66 +151,60 @@ def read_site(path: Path, *, port: int | None = None) -> Site:
         Where the file cannot be read or says what no site has, by its line.
     """
     document = read_document(path)
-    source = Source(document.label)
-    top = read_yaml(document.text, source)
-    told = _table(top, source, _KEYS)
-    listed = told.get("assets")
-    if not isinstance(listed, Table) or not listed.entries:
-        raise source.error(top.line, "no assets; write `assets: {NAME: {model: FILE}}`")
-    listen = _table(told["listen"], source, ("address", "port")) if "listen" in told else {}
-    keep = _table(told["keep"], source, ("days",)) if "keep" in told else {}
-    connection = _table(told["connection"], source, _CONNECTION) if "connection" in told else {}
-    usual = _text(told.get("source"), source) or SIMULATED
-    accept = _number(told.get("accept"), source, 0.5, 1.0)
-    own = _number(listen.get("port"), source, 0.0, 65535.0)
+    source, folder = Source(document.label), path.parent
+    told = Spot(source, "site", Entry("", read_yaml(document.text, source))).fields(SITE_KEYS, prefix="")
+    listen = told["listen"].fields(LISTEN_KEYS) if "listen" in told else {}
+    keep = told["keep"].fields(KEEP_KEYS) if "keep" in told else {}
+    own = _number(listen, "port", 0.0, 65535.0)
     return Site(
-        name=_text(told.get("name"), source) or path.stem,
-        assets=tuple(_assets(listed, source, path.parent, usual, accept)),
-        store=_beside(path.parent, _text(told.get("store"), source) or str(STORE)),
-        host=_text(listen.get("address"), source) or HOST,
+        name=_text(told, "name", path.stem),
+        assets=tuple(_assets(told, folder)),
+        store=_beside(folder, _text(told, "store", str(STORE))),
+        host=_text(listen, "address", HOST),
         port=port if port is not None else PORT if own is None else int(own),
-        days=_number(keep.get("days"), source, 1e-3, 1e6),
-        users=MappingProxyType(dict(_users(told.get("users"), source))),
-        connection=MappingProxyType(
-            {
-                name: _text(node, source) if name == "user" else str(path.parent / _text(node, source))
-                for name, node in connection.items()
-            }
-        ),
+        days=_number(keep, "days", 1e-3, 1e6),
+        users=MappingProxyType(dict(_users(told["users"])) if "users" in told else {}),
+        connection=MappingProxyType(dict(_connection(told["connection"], folder)) if "connection" in told else {}),
     )
 
 
-def _assets(listed: Table, source: Source, folder: Path, usual: str, accept: float | None) -> Iterator[SiteAsset]:
-    for entry in listed.entries:
-        if not NAME.fullmatch(entry.key):
-            raise source.error(entry.line, f"asset `{entry.key}`: a name has letters, digits and _, a letter first")
-        told = _table(entry.value, source, _ASSET)
-        model = _text(told.get("model"), source)
-        if not model:
-            raise source.error(entry.line, f"asset {entry.key} has no model; write `model: FILE`")
-        own = _number(told.get("accept"), source, 0.5, 1.0)
+def _assets(told: Mapping[str, Spot], folder: Path) -> Iterator[SiteAsset]:
+    """Read the assets; what one does not say is what the site says."""
+    if not told["assets"].entries():
+        raise told["assets"].error(f" are none; {ASSETS}")
+    usual, accept = _text(told, "source", SIMULATED), _number(told, "accept", 0.5, 1.0)
+    for place in told["assets"].things("asset"):
+        fields = place.fields(ASSET_KEYS)
+        own = _number(fields, "accept", 0.5, 1.0)
+        nodes = (
+            {entry.name: entry.text() for entry in fields["nodes"].things("node", checked=False)}
+            if "nodes" in fields
+            else {}
+        )
         yield SiteAsset(
-            name=entry.key,
-            plant=_plant(folder / model),
-            source=_text(told.get("source"), source) or usual,
+            name=place.name,
+            plant=_plant(folder / fields["model"].text()),
+            source=_text(fields, "source", usual),
             accept=accept if own is None else own,
-            topic=_text(told.get("topic"), source),
-            nodes=MappingProxyType(dict(_texts(told.get("nodes"), source))),
-            hold=_listed(told["hold"], source) if "hold" in told else None,
+            topic=_text(fields, "topic"),
+            nodes=MappingProxyType(nodes),
+            hold=tuple(item.text() for item in fields["hold"].items()) if "hold" in fields else None,
         )
 
 
-def _users(node: Node | None, source: Source) -> Iterator[tuple[str, User]]:
-    if node is None:
-        return
-    if not isinstance(node, Table):
-        raise source.error(node.line, "users; write `users: {NAME: {role: operate, password: HASH}}`")
-    for entry in node.entries:
-        told = _table(entry.value, source, ("role", "password"))
-        role, password = (_text(told.get(key), source) for key in ("role", "password"))
-        if role not in ROLES or not password:
-            raise source.error(entry.line, f"user {entry.key} needs a role, one of {', '.join(ROLES)}, and a password")
-        yield entry.key, User(name=entry.key, role=role, password=password)
+def _users(listed: Spot) -> Iterator[tuple[str, User]]:
+    for place in listed.things("user", checked=False):
+        fields = place.fields(USER_KEYS)
+        role = fields["role"].text()
+        if role not in ROLES:
+            raise fields["role"].error(f" `{shown(role)}` is no role; {choice(role, ROLES)}")
+        yield place.name, User(name=place.name, role=role, password=fields["password"].text())
+
+
+def _connection(told: Spot, folder: Path) -> Iterator[tuple[str, str]]:
+    """Give what logs in at sources; all but the name are files."""
+    for key, place in told.fields(CONNECTION_KEYS).items():
+        yield key, place.text() if key == "user" else str(folder / place.text())
 
 
 def _plant(path: Path) -> WatchedPlant:
@@ -188,46 +219,20 @@ def _beside(folder: Path, store: str) -> str:
     return store if "://" in store else str(folder / store)
 
 
-def _table(node: Node, source: Source, keys: Sequence[str]) -> dict[str, Node]:
-    if not isinstance(node, Table):
-        raise source.error(node.line, f"expected a table with {', '.join(keys)}")
-    for entry in node.entries:
-        if entry.key not in keys:
-            raise source.error(entry.line, f"unknown key `{entry.key}`; there are {', '.join(keys)}")
-    return {entry.key: entry.value for entry in node.entries}
+def _text(fields: Mapping[str, Spot], key: str, missing: str = "") -> str:
+    return fields[key].text() if key in fields else missing
 
 
-def _texts(node: Node | None, source: Source) -> Iterator[tuple[str, str]]:
-    if node is None:
-        return
-    if not isinstance(node, Table):
-        raise source.error(node.line, "expected a table of texts, `COLUMN: NODE`")
-    for entry in node.entries:
-        yield entry.key, _text(entry.value, source)
-
-
-def _listed(node: Node, source: Source) -> tuple[str, ...]:
-    if not isinstance(node, Items):
-        raise source.error(node.line, "expected a list of columns, `[flow, level]`")
-    return tuple(_text(item, source) for item in node.items)
-
-
-def _text(node: Node | None, source: Source) -> str:
-    if node is None:
-        return ""
-    if not isinstance(node, Text):
-        raise source.error(node.line, "expected a text")
-    return node.value
-
-
-def _number(node: Node | None, source: Source, least: float, most: float) -> float | None:
-    text = _text(node, source)
-    if node is None:
+def _number(fields: Mapping[str, Spot], key: str, least: float, most: float) -> float | None:
+    """Give a number of a range, None where it is not said."""
+    if key not in fields:
         return None
+    place = fields[key]
+    text = place.text()
     try:
         value = float(text)
     except ValueError:
         value = float("nan")
     if not least <= value <= most:
-        raise source.error(node.line, f"`{text}`: expected a number from {least:g} to {most:g}")
+        raise place.error(f" is a number from {least:g} to {most:g}, not `{shown(text)}`")
     return value

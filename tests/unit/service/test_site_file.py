@@ -60,16 +60,25 @@ def test_little_is_enough(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("name: x\n", "site.yaml:1: no assets; write `assets: {NAME: {model: FILE}}`"),
-        ("assets: {a: {model: loop.yaml}}\nport: 1\n", "site.yaml:2: unknown key `port`; there are name, store"),
-        ("assets:\n  a b: {model: loop.yaml}\n", "site.yaml:2: asset `a b`: a name has letters"),
-        ("assets:\n  a: {source: x}\n", "site.yaml:2: asset a has no model; write `model: FILE`"),
+        ("name: x\n", "site.yaml: `assets` is missing; write `assets: {NAME: {model: FILE}}`"),
+        ("assets: {}\n", "site.yaml:1: assets are none; write `assets: {NAME: {model: FILE}}`"),
+        ("assets: {a: {model: loop.yaml}}\nport: 1\n", "site.yaml:2: site: unknown key `port`; known: name, store"),
+        ("assets:\n  a:\n    modle: x\n", "site.yaml:3: asset a: unknown key `modle`; did you mean `model`?"),
+        ("assets:\n  a b: {model: loop.yaml}\n", "site.yaml:2: assets: `a b` is not a name"),
+        ("assets:\n  a: {source: x}\n", "site.yaml:2: asset a: `model` is missing; write `model: FILE`"),
         ("assets: {a: {model: no.yaml}}\n", "no.yaml: cannot be read"),
-        ("assets: {a: {model: loop.yaml}}\naccept: 2\n", "site.yaml:2: `2`: expected a number from 0.5 to 1"),
-        ("assets: {a: {model: loop.yaml}}\nlisten: {port: x}\n", "site.yaml:2: `x`: expected a number from 0 to 65535"),
-        ("assets: {a: {model: loop.yaml}}\nusers: {b: {role: boss}}\n", "user b needs a role, one of view, operate"),
-        ("assets: {a: {model: loop.yaml}}\nusers: b\n", "site.yaml:2: users; write"),
-        ("assets: [a]\n", "site.yaml:1: no assets"),
+        ("assets: {a: {model: loop.yaml}}\naccept: 2\n", "site.yaml:2: accept is a number from 0.5 to 1, not `2`"),
+        ("assets: {a: {model: loop.yaml}}\nlisten: {port: x}\n", "listen: port is a number from 0 to 65535, not `x`"),
+        (
+            "assets: {a: {model: loop.yaml}}\nusers: {b: {role: boss}}\n",
+            "user b: `password` is missing; write the hash",
+        ),
+        (
+            "assets: {a: {model: loop.yaml}}\nusers:\n  b.c@d:\n    role: operator\n    password: x\n",
+            "site.yaml:4: user b.c@d: role `operator` is no role; did you mean `operate`?",
+        ),
+        ("assets: {a: {model: loop.yaml}}\nusers: b\n", "site.yaml:2: users must be a table"),
+        ("assets: [a]\n", "site.yaml:1: assets must be a table `{key: value, ...}`, not a list"),
     ],
 )
 def test_a_mistake_is_told_by_its_line(tmp_path: Path, text: str, told: str) -> None:
