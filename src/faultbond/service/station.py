@@ -3,30 +3,24 @@
 import asyncio
 import threading
 import time
-from collections import Counter
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import aclosing, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
-from faultbond.equations.causality import assign_causality
 from faultbond.errors import SourceError, StoreError
-from faultbond.report.drawing import draw
-from faultbond.service.asset import Asset
-from faultbond.service.asset_status import asset_status
 from faultbond.service.contract.face import Request, Shown
-from faultbond.service.contract.messages import Action, Arrivals, Deed, Monitoring
+from faultbond.service.contract.messages import Action, Arrivals, Deed
 from faultbond.service.contract.source import LiveSource, Subscriber
 from faultbond.service.contract.store import LogStore
 from faultbond.service.hub import Hub
-from faultbond.service.shown import asset_of, curves_of, journal_of, summary_of
 from faultbond.service.site import Site
 from faultbond.service.site_log import AssetPlan, Done, SiteLog
+from faultbond.service.site_view import SiteView
 
 MOST_WAITING = 1000  # arrivals and deeds between the sources and the worker; more wait in the sources
 MOST_TOGETHER = 200  # of them that make one transaction
-JOURNAL = 200  # newest deeds that are shown
 TICK = 1.0  # s between two looks at who has gone silent
 FORGET_EVERY = 600.0  # s between two looks at what is too old
 FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0  # s before a source that was lost is opened again
@@ -50,16 +44,6 @@ class _Feed:
     trouble: str = ""
     since: float = 0.0
     ended: bool = False
-
-
-@dataclass(slots=True)
-class _Seen:
-    """What the service knows of an asset beside its log. counts: of what did not become rows."""
-
-    arrived: float | None = None
-    status: tuple[Any, ...] = ()
-    since: float = 0.0
-    counts: Counter[str] = field(default_factory=Counter)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -102,19 +86,15 @@ class Service:
             [AssetPlan(name=item.name, plant=item.plant, accept=item.accept) for item in site.assets], store
         )
         self._began = clock()
-        self._seen = {item.name: _Seen(since=self._began) for item in site.assets}
-        self._drawings = {
-            item.name: draw(item.plant.graph, dict(assign_causality(item.plant.graph).strokes)) for item in site.assets
-        }
+        self._lock = threading.Lock()  # of assets and store, between the worker and those who ask
+        self._view = SiteView(site, self._log, store, self._lock, clock)
         addresses = dict.fromkeys(item.source for item in site.assets)
         self._feeds = tuple(self._feed(address, open_source) for address in addresses)
         self._fed = {name: feed for feed in self._feeds for name in feed.assets}
         self._hub = Hub()
-        self._lock = threading.Lock()  # of assets and store, between the worker and those who ask
         self._inbox: asyncio.Queue[Arrivals | _Wish] = asyncio.Queue(MOST_WAITING)
         self._next: Arrivals | _Wish | None = None  # taken from it, to be done by itself
         self._store_trouble = ""
-        self._stopped = False
 
     async def run(self) -> None:
         """Watch until cancelled, or until a part fails unforeseen; then keep all assets as they stand."""
@@ -128,7 +108,7 @@ class Service:
             except ExceptionGroup as failed:
                 raise failed.exceptions[0] from failed
             finally:
-                self._stopped = True
+                self._view.is_stopped = True
                 self._hub.close()
                 with self._lock:
                     self._log.close()
@@ -137,35 +117,25 @@ class Service:
 
     def site(self) -> Shown:
         """Give the overview."""
-        with self._lock:
-            assets = [self._summary(asset) for asset in self._log.assets.values()]
-            version = next(iter(self._log.assets.values())).spec.version
         return {
             "name": self._site.name,
-            "version": version,
+            "version": next(iter(self._log.assets.values())).spec.version,
             "now": self._clock(),
             "source": ", ".join(feed.source.address for feed in self._feeds),
-            "assets": assets,
+            "assets": self._view.summaries(),
         }
 
     def asset(self, name: str) -> Shown:
         """Give an asset."""
-        with self._lock:
-            return self._asset(self._log.assets[name])
+        return self._view.asset(name)
 
     def curves(self, name: str, begin: float | None, end: float | None, most: int) -> Shown:
         """Give curves of an asset, those of the memory where no period is given."""
-        with self._lock:
-            asset = self._log.assets[name]
-            graph = asset.plant.graph
-            if begin is None and end is None:
-                return curves_of(graph, asset.curves(most))
-            return curves_of(graph, self._store.curves(name, begin, end, most))
+        return self._view.curves(name, begin, end, most)
 
     def report(self, name: str) -> str:
         """Give the report of what an asset saw lately."""
-        with self._lock:
-            return self._log.assets[name].run.page()
+        return self._view.report(name)
 
     def health(self) -> Mapping[str, Any]:
         """Tell which parts work."""
@@ -178,7 +148,7 @@ class Service:
             for feed in self._feeds
         }
         parts["store"] = {"ok": not self._store_trouble, "trouble": self._store_trouble, "since": self._began}
-        return {"ok": all(part["ok"] for part in parts.values()) and not self._stopped, "parts": parts}
+        return {"ok": all(part["ok"] for part in parts.values()) and not self._view.is_stopped, "parts": parts}
 
     def listen(self, most: int = 100) -> AsyncIterator[tuple[str, Shown]]:
         """Give what happens from now on."""
@@ -197,7 +167,7 @@ class Service:
             Where it cannot be kept yet.
         """
         now = self._clock()
-        if request.asset not in self._seen:
+        if request.asset not in self._log.assets:
             raise KeyError(request.asset)
         deed = Deed(
             asset=request.asset,
@@ -213,8 +183,7 @@ class Service:
         answer: asyncio.Future[Deed] = asyncio.get_running_loop().create_future()
         await self._inbox.put(_Wish(deed=deed, answer=answer))
         await answer
-        with self._lock:
-            return journal_of(self._store.deeds(request.asset, newest=JOURNAL))[0]
+        return self._view.newest_deed(request.asset)
 
     # The tasks.
 
@@ -247,8 +216,9 @@ class Service:
             if error is not None:
                 await self._settle(worker, items, error)
             self._answer(items, done)
-            for name, content in await loop.run_in_executor(worker, self._news, items, done):
-                self._hub.publish(name, content)
+            if self._hub.n_listeners:
+                for name, content in await loop.run_in_executor(worker, self._view.news, done):
+                    self._hub.publish(name, content)
             for item in items:
                 if isinstance(item, Arrivals):
                     self._fed[item.asset].pending -= 1
@@ -270,9 +240,7 @@ class Service:
         with self._lock:
             for item in items:
                 if isinstance(item, Arrivals):
-                    seen = self._seen[item.asset]
-                    seen.arrived = item.arrived
-                    seen.counts.update(item.counts)
+                    self._view.note(item)
             done = self._log.take([item.deed if isinstance(item, _Wish) else item for item in items])
             try:
                 self._log.settle()
@@ -311,25 +279,6 @@ class Service:
             elif what.deed is not None:
                 item.answer.set_result(what.deed)
 
-    def _news(self, items: Sequence[Arrivals | _Wish], done: Sequence[Done]) -> list[tuple[str, Shown]]:
-        """Give the messages that follow from what was done."""
-        if not self._hub.n_listeners:
-            return []
-        news: list[tuple[str, Shown]] = []
-        changed = {what.asset for what in done if what.outcome.records or what.deed}
-        with self._lock:
-            assets = self._log.assets
-            for what in done:
-                curves = what.outcome.curves
-                if curves is not None:
-                    shown = curves_of(assets[what.asset].plant.graph, curves)
-                    news.append(("samples", {"asset": what.asset, **shown}))
-            for name in dict.fromkeys(what.asset for what in done):
-                news.append(("summary", self._summary(assets[name])))
-                if name in changed:
-                    news.append(("asset", self._asset(assets[name])))
-        return news
-
     async def _tick(self) -> None:
         """Tell who has gone silent, or whose shelf has ended."""
         known: dict[str, tuple[Any, ...]] = {}
@@ -339,9 +288,7 @@ class Service:
             if self._site.days is not None and self._clock() - forgotten >= FORGET_EVERY:
                 forgotten = self._clock()
                 await asyncio.to_thread(self._forget, forgotten - 86400.0 * self._site.days)
-            with self._lock:
-                summaries = [self._summary(asset) for asset in self._log.assets.values()]
-            for summary in summaries:
+            for summary in self._view.summaries():
                 now = tuple(str(summary[key]) for key in ("status", "monitoring", "alarm"))
                 if known.get(summary["name"], now) != now:
                     self._hub.publish("summary", summary)
@@ -352,24 +299,7 @@ class Service:
         with self._lock, suppress(StoreError):  # a store that fails is told where it is written
             self._store.retain(older_than=older_than)
 
-    # What is shown; the lock is held.
-
     def _feed(self, address: str, open_source: Open) -> _Feed:
         fed = [item for item in self._site.assets if item.source == address]
         subscribers = [Subscriber(asset=item.name, columns=item.plant.columns, graph=item.plant.graph) for item in fed]
         return _Feed(source=open_source(address, subscribers), assets=tuple(item.name for item in fed))
-
-    def _summary(self, asset: Asset) -> Shown:
-        seen, now = self._seen[asset.name], self._clock()
-        stands = asset_status(
-            asset, silence=None if seen.arrived is None else now - seen.arrived, stopped=self._stopped
-        )
-        status = (stands.status, stands.monitoring is Monitoring.NO_DATA)
-        if seen.status != status:
-            seen.status, seen.since = status, now
-        return summary_of(asset, stands, since=seen.since, now=now)
-
-    def _asset(self, asset: Asset) -> Shown:
-        deeds = self._store.deeds(asset.name, newest=JOURNAL)
-        summary, counts = self._summary(asset), self._seen[asset.name].counts
-        return asset_of(asset, summary, self._drawings[asset.name], deeds, counts, now=self._clock())

@@ -3,7 +3,6 @@
 import io
 import json
 import math
-import os
 import re
 import shutil
 from collections.abc import Iterator
@@ -17,19 +16,13 @@ import pytest
 
 from faultbond.cli import main
 
-playwright = pytest.importorskip("playwright.sync_api", reason="there is no playwright: pip install playwright")
-
 TANK = Path(__file__).parents[3] / "examples" / "tank"
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 ROWS = 1700  # of the faulty recording; the alarm comes at 1504 s
 CLOSE = 1e-6
 
-pytestmark = [
-    pytest.mark.skipif(
-        not (shutil.which("zig") or find_spec("ziglang")), reason="there is no zig: pip install ziglang"
-    ),
-    pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium"),
-]
+pytestmark = pytest.mark.skipif(
+    not (shutil.which("zig") or find_spec("ziglang")), reason="there is no zig: pip install ziglang"
+)
 
 
 @pytest.fixture(scope="module")
@@ -56,16 +49,6 @@ def page_file(tmp_path_factory: pytest.TempPathFactory, recordings: dict[str, Pa
     told = ["generate", str(TANK / "model.yaml"), "--web", "--recording", str(recordings["faulty"]), "-o", str(file)]
     assert main(told) == 0
     return file
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """Chromium without a window."""
-    options = ["--no-sandbox"] if os.name == "posix" and os.geteuid() == 0 else []
-    with playwright.sync_playwright() as player:
-        opened = player.chromium.launch(executable_path=CHROMIUM, args=options)
-        yield opened
-        opened.close()
 
 
 @pytest.fixture

@@ -17,17 +17,13 @@ from fake_face import FakeFace
 from faultbond.service.web.application import application
 from faultbond.service.web.security import Guard, LocalGuard, LoginGuard, Role
 
-playwright = pytest.importorskip("playwright.sync_api", reason="there is no playwright: pip install playwright")
 uvicorn = pytest.importorskip("uvicorn", reason='there is no uvicorn: pip install "faultbond[serve]"')
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 AXE = "axe-core@4.14.1"
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 VIEWS = {"overview": "#/", "several": "#/tank_2", "healthy": "#/tank_1", "no data": "#/motor_2", "shelved": "#/tank_4"}
 READY = "#main[data-place]:not([data-place=''])"
 LARGEST_LOAD = 200_000  # bytes
-
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium")
 
 
 class Served:
@@ -81,16 +77,6 @@ def served() -> Iterator[Served]:
     made = Served()
     yield made
     made.stop()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """Chromium without a window."""
-    options = ["--no-sandbox"] if os.name == "posix" and os.geteuid() == 0 else []
-    with playwright.sync_playwright() as player:
-        opened = player.chromium.launch(executable_path=CHROMIUM, args=options)
-        yield opened
-        opened.close()
 
 
 @pytest.fixture

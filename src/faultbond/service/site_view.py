@@ -1,0 +1,118 @@
+"""A site as people see it: what its assets, its store and what came of its sources show of each asset."""
+
+import threading
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from faultbond.equations.causality import assign_causality
+from faultbond.report.drawing import draw
+from faultbond.service.asset import Asset
+from faultbond.service.asset_status import asset_status
+from faultbond.service.contract.face import Shown
+from faultbond.service.contract.messages import Arrivals, Monitoring
+from faultbond.service.contract.store import LogStore
+from faultbond.service.shown import asset_of, curves_of, journal_of, summary_of
+from faultbond.service.site import Site
+from faultbond.service.site_log import Done, SiteLog
+
+JOURNAL = 200  # newest deeds that are shown
+
+
+@dataclass(slots=True)
+class _Seen:
+    """What is known of an asset beside its log. counts: of what did not become rows. status: and since when."""
+
+    arrived: float | None = None
+    status: tuple[Any, ...] = ()
+    since: float = 0.0
+    counts: Counter[str] = field(default_factory=Counter)
+
+
+class SiteView:
+    """Shows a site; see `face.Face` for what.
+
+    Parameters
+    ----------
+    site, log, store : what is shown
+    lock : of log and store, between who writes them and who asks
+    clock : gives Unix s
+    """
+
+    def __init__(
+        self, site: Site, log: SiteLog, store: LogStore, lock: threading.Lock, clock: Callable[[], float]
+    ) -> None:
+        self._log, self._store, self._lock, self._clock = log, store, lock, clock
+        self._seen = {item.name: _Seen(since=clock()) for item in site.assets}
+        self._drawings = {
+            item.name: draw(item.plant.graph, dict(assign_causality(item.plant.graph).strokes)) for item in site.assets
+        }
+        self.is_stopped = False
+
+    def note(self, arrivals: Arrivals) -> None:
+        """Note that rows came, and what came with them; who calls has the lock."""
+        seen = self._seen[arrivals.asset]
+        seen.arrived = arrivals.arrived
+        seen.counts.update(arrivals.counts)
+
+    def summaries(self) -> list[Shown]:
+        """Give the summaries of all assets."""
+        with self._lock:
+            return [self._summary(asset) for asset in self._log.assets.values()]
+
+    def asset(self, name: str) -> Shown:
+        """Give an asset."""
+        with self._lock:
+            return self._asset(self._log.assets[name])
+
+    def curves(self, name: str, begin: float | None, end: float | None, most: int) -> Shown:
+        """Give curves of an asset, those of the memory where no period is given."""
+        with self._lock:
+            asset = self._log.assets[name]
+            graph = asset.plant.graph
+            if begin is None and end is None:
+                return curves_of(graph, asset.curves(most))
+            return curves_of(graph, self._store.curves(name, begin, end, most))
+
+    def report(self, name: str) -> str:
+        """Give the report of what an asset saw lately."""
+        with self._lock:
+            return self._log.assets[name].run.page()
+
+    def newest_deed(self, name: str) -> Shown:
+        """Give the newest entry of an asset's journal."""
+        with self._lock:
+            return journal_of(self._store.deeds(name, newest=JOURNAL))[0]
+
+    def news(self, done: Sequence[Done]) -> list[tuple[str, Shown]]:
+        """Give the messages that follow from what was done."""
+        news: list[tuple[str, Shown]] = []
+        changed = {what.asset for what in done if what.outcome.records or what.deed}
+        with self._lock:
+            assets = self._log.assets
+            for what in done:
+                curves = what.outcome.curves
+                if curves is not None:
+                    shown = curves_of(assets[what.asset].plant.graph, curves)
+                    news.append(("samples", {"asset": what.asset, **shown}))
+            for name in dict.fromkeys(what.asset for what in done):
+                news.append(("summary", self._summary(assets[name])))
+                if name in changed:
+                    news.append(("asset", self._asset(assets[name])))
+        return news
+
+    def _summary(self, asset: Asset) -> Shown:
+        seen, now = self._seen[asset.name], self._clock()
+        stands = asset_status(
+            asset, silence=None if seen.arrived is None else now - seen.arrived, stopped=self.is_stopped
+        )
+        status = (stands.status, stands.monitoring is Monitoring.NO_DATA)
+        if seen.status != status:
+            seen.status, seen.since = status, now
+        return summary_of(asset, stands, since=seen.since, now=now)
+
+    def _asset(self, asset: Asset) -> Shown:
+        deeds = self._store.deeds(asset.name, newest=JOURNAL)
+        summary, counts = self._summary(asset), self._seen[asset.name].counts
+        return asset_of(asset, summary, self._drawings[asset.name], deeds, counts, now=self._clock())
