@@ -183,7 +183,7 @@ class Service:
         answer: asyncio.Future[Deed] = asyncio.get_running_loop().create_future()
         await self._inbox.put(_Wish(deed=deed, answer=answer))
         await answer
-        return self._view.newest_deed(request.asset)
+        return await asyncio.to_thread(self._view.newest_deed, request.asset)
 
     # The tasks.
 
@@ -288,7 +288,7 @@ class Service:
             if self._site.days is not None and self._clock() - forgotten >= FORGET_EVERY:
                 forgotten = self._clock()
                 await asyncio.to_thread(self._forget, forgotten - 86400.0 * self._site.days)
-            for summary in self._view.summaries():
+            for summary in await asyncio.to_thread(self._view.summaries):
                 now = tuple(str(summary[key]) for key in ("status", "monitoring", "alarm"))
                 if known.get(summary["name"], now) != now:
                     self._hub.publish("summary", summary)

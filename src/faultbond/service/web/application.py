@@ -7,7 +7,8 @@ import asyncio
 import gzip
 import hmac
 import logging
-from collections.abc import Callable, Collection, Coroutine
+from collections.abc import Callable, Collection, Coroutine, Iterator
+from contextlib import contextmanager
 from importlib.metadata import version
 from typing import Annotated, Any
 
@@ -262,7 +263,7 @@ def _people(guard: Guard) -> APIRouter:
 
 
 def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
-    """Give what there is to see."""
+    """Give what there is to see; where the service may be busy it is asked in a thread, and the others are served."""
     router = APIRouter(tags=["views"], route_class=Bounded)
     viewer = _person(guard, Role.VIEW)
     seen = _refusals(401, 403)
@@ -275,19 +276,20 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
         return JSONResponse(told, 200 if told.get("ok") else 503)
 
     @router.get("/api/v1/site", response_model=SiteShape, responses=seen, dependencies=[viewer])
-    async def site() -> Response:
+    def site() -> Response:
         """Tell of all assets, each in a line."""
         return JSONResponse(face.site())
 
     @router.get("/api/v1/assets/{asset}", response_model=AssetShape, responses=seen_of_one, dependencies=[viewer])
-    async def one(asset: AssetName) -> Response:
+    def one(asset: AssetName) -> Response:
         """Tell all of an asset: verdict, candidates, journal."""
-        return JSONResponse(_known(face.asset, asset))
+        with _refusing(asset):
+            return JSONResponse(face.asset(asset))
 
     @router.get(
         "/api/v1/assets/{asset}/curves", response_model=CurvesShape, responses=seen_of_one, dependencies=[viewer]
     )
-    async def curves(
+    def curves(
         request: Request,
         asset: AssetName,
         begin: ClockTime = None,
@@ -297,14 +299,16 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
         """Give curves of a period, the newest where none is given; of at most so many points, with all peaks."""
         if begin is not None and end is not None and begin > end:
             raise HTTPException(422, "begin: it is behind the end.")
-        return _packed(request, JSONResponse(_known(face.curves, asset, begin, end, most)))
+        with _refusing(asset):
+            return _packed(request, JSONResponse(face.curves(asset, begin, end, most)))
 
     @router.get(
         "/api/v1/assets/{asset}/report", response_class=HTMLResponse, responses=seen_of_one, dependencies=[viewer]
     )
-    async def report(asset: AssetName) -> Response:
+    def report(asset: AssetName) -> Response:
         """Give the report of what an asset saw lately, a page in one file."""
-        return HTMLResponse(_known(face.report, asset), headers={"content-security-policy": REPORT_POLICY})
+        with _refusing(asset):
+            return HTMLResponse(face.report(asset), headers={"content-security-policy": REPORT_POLICY})
 
     @router.get(
         "/api/v1/events", response_class=EventStream, status_code=200, responses=_refusals(401, 403, 404, 422, 503)
@@ -316,7 +320,8 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
     ) -> Response:
         """Tell what is so now and what happens: events `site`, `asset`, `summary`, `samples`, `alive`."""
         try:
-            admitted = _known(broadcast.admit, asset)
+            with _refusing(asset):
+                admitted = await broadcast.admit(asset)
         except BusyError as error:
             raise HTTPException(503, str(error), {"retry-after": "10"}) from None
         return EventStream(broadcast, admitted, lambda: guard.who(cookie) is not None)
@@ -334,10 +339,11 @@ def _packed(request: Request, answer: Response) -> Response:
     return answer
 
 
-def _known(ask: Any, asset: str | None, *arguments: object) -> Any:
-    """Ask for something of an asset."""
+@contextmanager
+def _refusing(asset: str | None) -> Iterator[None]:
+    """Refuse what is asked of an asset as HTTP does."""
     try:
-        return ask(asset, *arguments)
+        yield
     except KeyError:
         raise HTTPException(404, f"There is no asset {asset!r}.") from None
     except StoreError as error:
@@ -363,7 +369,7 @@ def _deeds(face: Face, guard: Guard) -> APIRouter:
     ) -> Response:
         """Do something about an asset; what comes back is the entry of the journal, and is on the disk."""
         _check_token(person, token)
-        role = _needed(face, asset, body)
+        role = await asyncio.to_thread(_needed, face, asset, body)
         if person.role < role:
             raise HTTPException(403, f"{person.name} may not do this: it takes the role {role.name.lower()}.")
         wanted = Wanted(
@@ -384,17 +390,15 @@ def _needed(face: Face, asset: str, deed: DeedShape) -> Role:
     """Give the role that a deed takes; to take one back takes that of the deed, and of an old one the highest."""
     if deed.action is not Action.UNDO:
         return needed(deed.action)
-    journal = _known(face.asset, asset)["journal"]
+    with _refusing(asset):
+        journal = face.asset(asset)["journal"]
     taken_back = [entry["action"] for entry in journal if entry["number"] == deed.undone]
     return needed(Action(taken_back[0])) if taken_back else Role.ENGINEER
 
 
 async def _done(face: Face, wanted: Wanted) -> Shown:
     try:
-        return await face.do(wanted)
-    except KeyError:
-        raise HTTPException(404, f"There is no asset {wanted.asset!r}.") from None
-    except StoreError as error:
-        raise HTTPException(503, str(error)) from None
+        with _refusing(wanted.asset):
+            return await face.do(wanted)
     except FaultbondError as error:
         raise HTTPException(409, str(error)) from None

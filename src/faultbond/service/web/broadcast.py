@@ -78,10 +78,10 @@ class Viewer:
         self._summaries: dict[str | None, Notice] = {}
 
     def begin(self, site: Shown, asset: Shown | None) -> None:
-        """Let wait what is so now."""
-        self._waiting.append(Notice("site", site))
+        """Let wait what is so now, before what has happened since it was asked for."""
         if asset is not None:
-            self._waiting.append(Notice("asset", asset))
+            self._waiting.appendleft(Notice("asset", asset))
+        self._waiting.appendleft(Notice("site", site))
 
     def put(self, event: Notice) -> None:
         """Let an event wait; a viewer for which too many wait is over."""
@@ -128,8 +128,10 @@ class Broadcast:
     def __len__(self) -> int:
         return len(self._viewers)
 
-    def admit(self, asset: str | None) -> Viewer:
+    async def admit(self, asset: str | None) -> Viewer:
         """Make room for a viewer, and let wait for it what is so now.
+
+        The service is asked in a thread: it may be busy, and other viewers are told all the while.
 
         Raises
         ------
@@ -137,15 +139,24 @@ class Broadcast:
             Where there are too many.
         KeyError
             Where there is no such asset.
+        StoreError
+            Where what is kept of it cannot be read.
         """
         if len(self._viewers) >= VIEWERS:
             raise BusyError(f"{VIEWERS} pages are open, which is the limit. Close some.")
         viewer = Viewer(asset)
-        viewer.begin(self._face.site(), None if asset is None else self._face.asset(asset))
         self._viewers.add(viewer)
         if self._task is None or self._task.done():
             self._task = asyncio.create_task(self._pass_on(), name="page events")
+        try:
+            viewer.begin(*await asyncio.to_thread(self._now, asset))
+        except BaseException:
+            self.leave(viewer)
+            raise
         return viewer
+
+    def _now(self, asset: str | None) -> tuple[Shown, Shown | None]:
+        return self._face.site(), None if asset is None else self._face.asset(asset)
 
     async def follow(self, viewer: Viewer, is_known: Callable[[], bool]) -> AsyncGenerator[bytes, None]:
         """Give what a viewer is told until it is over, or the person is not known any more."""

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any
@@ -141,7 +142,7 @@ def test_the_newest_summary_comes_last_and_once() -> None:
 
     async def follow() -> None:
         face = FakeFace()
-        viewer = Broadcast(face).admit("tank_2")
+        viewer = await Broadcast(face).admit("tank_2")
         viewer.taken()
         for number in range(5):
             viewer.put(Notice("summary", {"name": "tank_1", "samples": number}))
@@ -193,7 +194,7 @@ def test_too_much_that_waits_ends_a_viewer() -> None:
     async def follow() -> None:
         face = FakeFace()
         broadcast = Broadcast(face)
-        viewer = broadcast.admit("tank_2")
+        viewer = await broadcast.admit("tank_2")
         for _ in range(module.MOST):
             viewer.put(Notice("samples", {"asset": "tank_2"}))
         assert viewer.is_over
@@ -271,7 +272,7 @@ def test_viewers_are_bounded(local: Asked, monkeypatch: pytest.MonkeyPatch) -> N
 
     async def follow() -> None:
         with pytest.raises(BusyError):
-            Broadcast(FakeFace()).admit(None)
+            await Broadcast(FakeFace()).admit(None)
 
     run(follow())
 
@@ -287,10 +288,34 @@ def test_a_proxy_does_not_hold_events_back(local: Asked) -> None:
 
     async def follow() -> None:
         broadcast = Broadcast(local.face)
-        viewer = broadcast.admit(None)
+        viewer = await broadcast.admit(None)
         answer = EventStream(broadcast, viewer, lambda: LocalGuard().who(None) is not None)
         broadcast.leave(viewer)
         assert answer.headers["x-accel-buffering"] == "no"
         assert answer.headers["content-type"].startswith("text/event-stream")
+
+    run(follow())
+
+
+def test_while_the_service_is_busy_others_are_told(local: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who comes while the service cannot answer waits, and hears all from then on; nobody else waits."""
+    free, asked_for = threading.Event(), local.face.site
+
+    def busy() -> dict[str, Any]:
+        assert free.wait(10.0)
+        return asked_for()
+
+    async def follow() -> None:
+        async with watched(local, "asset=tank_2") as (early, _):
+            await early.until(lambda told: "asset" in names(told))
+            monkeypatch.setattr(local.face, "site", busy)
+            async with watched(local, "asset=tank_2") as (late, _):
+                await asyncio.sleep(0.05)
+                local.face.tick()
+                await early.until(lambda told: "samples" in names(told))
+                assert late.events == []
+                free.set()
+                await late.until(lambda told: "samples" in names(told))
+                assert names(late.events)[:3] == ["alive", "site", "asset"]
 
     run(follow())
