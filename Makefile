@@ -27,7 +27,7 @@ help:
 	@echo "make thesis   compute the tables and figures of the thesis anew, into docs/thesis.md"
 	@echo "make trust    measure anew how good it is, into docs/trust.md and docs/figures.md (some four hours;"
 	@echo "              SEEDS=2 HOURS=1 for a try)"
-	@echo "make bench    measure the speed anew, into docs/speed.md, and run the other benchmarks (three quarters of an hour)"
+	@echo "make bench    measure the speed anew, into docs/speed.md, and run the other benchmarks (two and a half hours)"
 
 demo: compiler
 	@$(BIN)/faultbond demo
@@ -87,7 +87,7 @@ trust: $(DEV) compiler
 	@git --no-pager diff --stat -- docs
 
 bench: $(DEV) compiler
-	@echo "faultbond: benchmarks, three quarters of an hour in all"
+	@echo "faultbond: benchmarks, two and a half hours in all"
 	@$(BIN)/python -m pip install --quiet --group bench
 	@echo "faultbond: speed (ten minutes)"
 	@$(BIN)/python -m benchmarks.speed --markdown docs/speed.md
@@ -97,6 +97,9 @@ bench: $(DEV) compiler
 	@echo "faultbond: programs on all targets (a quarter of an hour)"
 	@$(BIN)/python -m benchmarks.targets --markdown docs/embedding.md
 	@git --no-pager diff --stat -- docs/embedding.md
+	@echo "faultbond: the service (an hour and a half)"
+	@$(BIN)/python -m benchmarks.service --markdown docs/service.md
+	@$(BIN)/python -m benchmarks.service.store
 	@echo "faultbond: figures (a quarter of an hour)"
 	@$(BIN)/python -m benchmarks.trust.figures
 	@echo "faultbond: equations, and the whole analysis"; $(BIN)/python -m benchmarks.speed.equations

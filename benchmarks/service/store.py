@@ -1,4 +1,4 @@
-"""How fast and how small the store is, on this machine: python benchmarks/service/store.py [FOLDER].
+"""How fast and how small the store is, on this machine: python -m benchmarks.service.store [FOLDER].
 
 20 signals by commits of 100 rows, with curves and now and then a state; 100 assets at 1 Hz; the curves of a long
 period; what forgetting costs. The folder is where the store is written: the disk counts.

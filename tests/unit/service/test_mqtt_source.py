@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.shared.broker import MOSQUITTO, Mosquitto
 
 from arriving import COLUMNS, Gathered, gather, n_rows, subscriber
-from broker import MOSQUITTO, Mosquitto
 from faultbond.errors import FaultbondError, SourceError
 from faultbond.io.recording import Column, Columns
 from faultbond.model.graph import TimeColumn, Unit

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.shared.broker import free_port
 
 from arriving import COLUMNS, Gathered, gather, subscriber
-from broker import free_port
 from faultbond.arrays import FloatArray
 from faultbond.errors import FaultbondError, SourceError
 from faultbond.io.recording import Column, Columns
