@@ -91,16 +91,18 @@ class Served:
         Raises
         ------
         httpx.HTTPError
-            Where it is refused, or the service is gone.
+            Where it is refused, with the service's words, or the service is gone.
         """
-        token = httpx.get(f"{self.address}/api/v1/me").json()["token"]
+        token = httpx.get(f"{self.address}/api/v1/me", timeout=30.0).json()["token"]
         answer = httpx.post(
             f"{self.address}/api/v1/assets/{asset}/deeds",
             json={"action": action, **more},
             headers={"x-faultbond-token": token},
             timeout=30.0,
         )
-        return dict(answer.raise_for_status().json())
+        if answer.is_error:
+            raise httpx.HTTPStatusError(answer.text, request=answer.request, response=answer)
+        return dict(answer.json())
 
     def processor_time(self) -> float:
         """Give how long it has computed, s."""

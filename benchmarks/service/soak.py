@@ -56,7 +56,7 @@ def rows(hours: float = 1.0) -> list[Row]:
                     named[start] = told["best"]["names"]
             over = start is None or now > start + LASTS
             if over and at > repaired and told["best"] is not None:
-                (best, *_) = httpx.get(f"{service.address}/api/v1/assets/tank").json()["rows"]
+                (best, *_) = httpx.get(f"{service.address}/api/v1/assets/tank", timeout=30.0).json()["rows"]
                 service.do("tank", "repaired", target=best.get("target") or [item["name"] for item in best["suspects"]])
                 service.do("tank", "acknowledge")
                 repaired = now

@@ -38,10 +38,14 @@ class Consequence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Kept:
-    """What a checkpoint has beside the run. turn: see `Asset`; undo: see `Undo`, the first number its size."""
+    """What a checkpoint has beside the run. turn: see `Asset`; undo: see `Undo`, the first number its size.
+
+    status: message of what the method was doing.
+    """
 
     alarm: Alarm
     turn: int
+    status: str
     undo: tuple[int, int, int] = (0, 0, 0)
 
 
@@ -81,6 +85,7 @@ class Asset:
         self.name, self.plant, self.alarm = name, plant, Alarm()
         self.undo: Undo | None = None
         self.turn = 0
+        self._status: Status | None = None  # at the checkpoint
         before = self._opened(checkpoint) if checkpoint is not None else None
         self._watcher = watcher_of(plant, Wanted(), before)
         self.spec = self._watcher.spec
@@ -91,6 +96,7 @@ class Asset:
         following = Following(out=out, trace=self._trace, level=accept)
         self._course = Course(self._watcher, self._grid, following, before)
         self.run = PlantRun(plant=plant, watcher=self._watcher, course=self._course, trace=self._trace)
+        self._show_what_is_left()  # of before: the next diagnosis may be far
 
     def take(self, rows: RowBlock) -> Consequence:
         """Pass rows on in the order of arrival."""
@@ -116,7 +122,9 @@ class Asset:
         self.turn += 1
         if deed.action is Action.REJECT:
             self._course.reject(hypothesis)
-            self._tell_what_is_left()
+            left = self._show_what_is_left()  # the next diagnosis may be far
+            if left is not None:
+                self._tell(diagnosis_record(left))
         else:
             self._course.accept(hypothesis, repaired=deed.action is Action.REPAIRED)
         self.undo = Undo(checkpoint=before, rows=deed.rows, deeds=deeds) if before is not None else None
@@ -131,7 +139,8 @@ class Asset:
         if saved is None:
             return None
         place = (len(undo.checkpoint), undo.rows, undo.deeds) if undo is not None else (0, 0, 0)
-        kept = json.dumps(asdict(_Kept(alarm=self.alarm, turn=self.turn, undo=place))).encode()
+        status = (self.status or Status.WAITING).value
+        kept = json.dumps(asdict(_Kept(alarm=self.alarm, turn=self.turn, status=status, undo=place))).encode()
         earlier = undo.checkpoint if undo is not None else b""
         return len(kept).to_bytes(4, "little") + kept + earlier + bytes_of_saved(saved)
 
@@ -151,6 +160,12 @@ class Asset:
         return self._course.found.accepted
 
     @property
+    def time(self) -> float | None:
+        """Time of the last grid point; None before the first."""
+        clock = self._grid.clock
+        return clock.last_time if clock is not None else None
+
+    @property
     def counts(self) -> Counts:
         """What was passed and what was wrong with it, since the log began."""
         return self._grid.counts
@@ -158,7 +173,7 @@ class Asset:
     @property
     def status(self) -> Status | None:
         """What the method is doing; None before the first sample."""
-        return self._trace.status
+        return self._trace.status or self._status
 
     def curves(self, newest: int) -> Curves:
         """Give curves of the last grid points, of those that are in memory."""
@@ -181,6 +196,7 @@ class Asset:
         size = int.from_bytes(checkpoint[:4], "little")
         try:
             kept = typed(_Kept, json.loads(checkpoint[4 : 4 + size]), TypeLimits(least={_Kept: 0}))
+            self._status = Status(kept.status)
         except (TypeError, ValueError) as error:
             raise StoreError(f"{self.name}: its checkpoint is damaged.") from error
         n_earlier, rows, deeds = kept.undo
@@ -217,12 +233,12 @@ class Asset:
             )
         )
 
-    def _tell_what_is_left(self) -> None:
-        """Tell how the others stand, as the next diagnosis may be far."""
+    def _show_what_is_left(self) -> Diagnosis | None:
+        """Show how the candidates stand now."""
         left = self._course.diagnosis
         if left is not None:
             self._trace.conclude(left)
-            self._tell(diagnosis_record(left))
+        return left
 
     def _told(self) -> tuple[NamedRecord, ...]:
         told = tuple(self._records)

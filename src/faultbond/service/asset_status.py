@@ -42,10 +42,11 @@ def asset_status(asset: Asset, *, silence: float | None, stopped: bool = False) 
     """
     monitoring = _monitoring(asset, silence, stopped=stopped)
     healthy, told = _of_the_plant(asset, monitoring)
+    of_before = f" {told}" if healthy is not Ne107.NORMAL else ""  # without data nothing is as the model expects
     if monitoring is Monitoring.STOPPED:
-        return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=f"Not watched. {told}")
+        return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=f"Not watched.{of_before}")
     if monitoring is Monitoring.NO_DATA:
-        headline = f"No data{'' if silence is None else f' for {duration_text(silence, digits=2)}'}. {told}"
+        headline = f"No data{' yet' if silence is None else f' for {duration_text(silence, digits=2)}'}.{of_before}"
         return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=headline)
     if asset.alarm.out_of_service:
         return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=f"Out of service. {told}")

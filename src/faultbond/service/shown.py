@@ -37,7 +37,6 @@ def summary_of(asset: Asset, standing: AssetStatus, *, since: float, now: float)
             "signals": list(detection.signals) if detection else [],
             "change_time": detection.change_time if detection else None,
         }
-    time = asset.history(1).time
     return {
         "name": asset.name,
         "model": asset.spec.model,
@@ -46,7 +45,7 @@ def summary_of(asset: Asset, standing: AssetStatus, *, since: float, now: float)
         "monitoring": standing.monitoring.value,
         "headline": standing.headline,
         "since": since,
-        "time": float(time[-1]) if len(time) else None,
+        "time": asset.time,
         "samples": asset.counts.samples,
         "operation": _operation(asset.status),
         "alarm": shown,

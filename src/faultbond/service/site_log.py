@@ -143,6 +143,11 @@ class SiteLog:
                 told += asset.take(item).records
             elif not undone:
                 undone = item.number
+                if deed.undone is not None and deed.undone != undone:
+                    raise FaultbondError(
+                        f"{deed.asset}: entry {deed.undone} cannot be taken back; it is not the last decision, "
+                        f"which is {undone} ({item.action.value})."
+                    )
             elif item.number == deed.number:  # of the log, where it is one of the past
                 break
             else:

@@ -8,7 +8,7 @@ from typing import Any
 
 from faultbond.equations.causality import assign_causality
 from faultbond.report.drawing import draw
-from faultbond.service.asset import Asset
+from faultbond.service.asset import RECENT, Asset
 from faultbond.service.asset_status import asset_status
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import Arrivals, Monitoring
@@ -67,12 +67,15 @@ class SiteView:
             return self._asset(self._log.assets[name])
 
     def curves(self, name: str, begin: float | None, end: float | None, most: int) -> Shown:
-        """Give curves of an asset, those of the memory where no period is given."""
+        """Give curves of an asset, the newest where no period is given."""
         with self._lock:
             asset = self._log.assets[name]
             graph = asset.plant.graph
             if begin is None and end is None:
-                return curves_of(graph, asset.curves(most))
+                newest = asset.curves(most)
+                if len(newest) >= min(most, RECENT) or asset.time is None:
+                    return curves_of(graph, newest)
+                begin = asset.time - most * (asset.spec.sample_time or 1.0)  # after a start, or an undo
             return curves_of(graph, self._store.curves(name, begin, end, most))
 
     def report(self, name: str) -> str:

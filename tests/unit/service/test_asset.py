@@ -13,6 +13,7 @@ import pytest
 from faultbond.app.plant import find_plant
 from faultbond.app.wishes import Wanted
 from faultbond.cli import main
+from faultbond.contract.samples import Status
 from faultbond.errors import FaultbondError, StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.alarm import AlarmState
@@ -76,6 +77,9 @@ def test_a_decision_is_kept_and_can_be_taken_back_until_the_next_alarm() -> None
     assert (undo.checkpoint, undo.rows, undo.deeds) == (state, FOUND, 3)
     again = Asset("loop", plant(), undo.checkpoint)
     assert (again.alarm.active, again.undo) == (True, None)
+    assert (again.status, again.time) == (Status.DIAGNOSING, rows().time[FOUND - 1])
+    assert again.diagnosis is not None
+    assert again.diagnosis.candidates[0].parameters == best
 
 
 def test_what_is_rejected_leaves_the_others_and_says_so_at_once() -> None:

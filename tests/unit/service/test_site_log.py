@@ -125,6 +125,22 @@ def test_what_is_taken_back_was_never_decided(stores: tuple[SqliteStore, SqliteS
     assert "no decision that can be taken back" in str(refused.error)
 
 
+def test_only_the_last_decision_is_taken_back(stores: tuple[SqliteStore, SqliteStore]) -> None:
+    """Who names another one, which may be of somebody else, is told which it is; what was decided stays."""
+    store, _ = stores
+    log = watch(store)
+    work(log, arrivals(0, FOUND))
+    work(log, deed(Action.ACCEPT, *best(log)))
+    (entry,) = store.deeds()
+    before = log.assets["loop"].checkpoint()
+    (refused,) = work(log, replace(deed(Action.UNDO), undone=entry.number + 1))
+    assert f"which is {entry.number} (accept)" in str(refused.error)
+    assert log.assets["loop"].checkpoint() == before
+    (done,) = work(log, replace(deed(Action.UNDO), undone=entry.number))
+    assert done.error is None
+    assert log.assets["loop"].detection is not None
+
+
 def test_every_record_has_a_name_of_its_own(stores: tuple[SqliteStore, SqliteStore]) -> None:
     """Also of the same sample: after two rejections in a row, and after one was taken back while diagnoses came."""
     store, _ = stores
