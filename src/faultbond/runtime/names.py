@@ -12,11 +12,14 @@ LISTED = 24  # names in a message
 def find_hypothesis(spec: EngineSpec, components: Sequence[str]) -> int:
     """Give the index of the hypothesis with these components, or parameters, or of this sensor or input.
 
+    A sensor or input may also be called as a candidate calls it: `flow.bias` is of `flow`.
+
     Raises
     ------
     FaultbondError
         Where there is none, or several.
     """
+    components = [name.partition(".")[0] for name in components]
     wanted = frozenset(components)
     found = []
     for k in range(spec.n_hypotheses):

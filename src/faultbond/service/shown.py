@@ -13,6 +13,7 @@ from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.numbers import Notation, unit_text
 from faultbond.report.suspects import SuspectRow
 from faultbond.report.verdict import best_group, fault_probabilities, set_name, view_of
+from faultbond.runtime.names import candidate_names
 from faultbond.service.asset import Asset
 from faultbond.service.asset_status import BEGINNING, AssetStatus
 from faultbond.service.contract.face import Shown
@@ -164,7 +165,7 @@ def _rows(graph: BondGraph, rows: Iterable[Any], candidates: Iterable[Candidate]
             "percent": row.percent,
             "group": row.group,
             "names": set_name(graph, candidate),
-            "target": list(candidate.parameters),
+            "target": sorted(candidate_names(candidate)),
         }
         for row, candidate in zip(rows, candidates, strict=False)
     ]

@@ -16,6 +16,7 @@ from faultbond.cli import main
 from faultbond.contract.samples import Status
 from faultbond.errors import FaultbondError, StoreError
 from faultbond.io.row_block import RowBlock
+from faultbond.runtime.names import candidate_names, find_hypothesis
 from faultbond.service.alarm import AlarmState
 from faultbond.service.asset import Asset
 from faultbond.service.contract.messages import Action, NamedRecord
@@ -80,6 +81,17 @@ def test_a_decision_is_kept_and_can_be_taken_back_until_the_next_alarm() -> None
     assert (again.status, again.time) == (Status.DIAGNOSING, rows().time[FOUND - 1])
     assert again.diagnosis is not None
     assert again.diagnosis.candidates[0].parameters == best
+
+
+def test_every_candidate_can_be_decided_of() -> None:
+    """What the page sends back of a candidate is that candidate, of sensors and inputs, too; so are its suspects."""
+    asset = Asset("loop", plant())
+    passed(asset, rows().part(slice(FOUND)))
+    assert asset.diagnosis is not None
+    candidates = asset.diagnosis.candidates
+    assert {"V_R.noise", "V_I.bias"} <= {name for item in candidates for name in item.parameters}
+    for names in ([sorted(candidate_names(item)) for item in candidates], [item.parameters for item in candidates]):
+        assert [find_hypothesis(asset.spec, name) for name in names] == [item.hypothesis for item in candidates]
 
 
 def test_what_is_rejected_leaves_the_others_and_says_so_at_once() -> None:

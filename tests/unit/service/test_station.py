@@ -230,6 +230,9 @@ def test_it_goes_on_where_it_stopped() -> None:
     async def second(played: Played) -> None:
         assert played.summary["alarm"]["state"] == "shelved"
         assert played.summary["samples"] == FOUND
+        seen = played.service.curves("loop", None, None, 100)["time"]
+        assert (len(seen) > 80, seen[-1]) == (True, rows().time[FOUND - 1])  # some rows were missing
+        assert played.service.asset("loop")["rows"]
         await played.until(lambda: played.passed(FOUND + 100))
         assert played.source.begun == [str(FOUND)]
 
