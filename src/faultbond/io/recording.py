@@ -121,14 +121,14 @@ def read_blocks(source: Recording, columns: Columns) -> Iterator[RowBlock]:
     return _csv_blocks(path, columns, str(path))
 
 
-def write_recording(path: str | Path, columns: Mapping[str, FloatArray], *, digits: int = 15) -> None:
+def write_recording(path: str | Path, columns: Mapping[str, FloatArray], *, digits: int | None = 15) -> None:
     """Write columns of equal length as CSV, the header first; nan becomes an empty field.
 
     Parameters
     ----------
     path : file to write, replaced if it exists
     columns : values by header, each of shape (n_rows,), in the units in which they are to be read
-    digits : of each number; 17 give it back to the last bit
+    digits : of each number; None: as few as give it back to the last bit
 
     Raises
     ------
@@ -143,11 +143,12 @@ def write_recording(path: str | Path, columns: Mapping[str, FloatArray], *, digi
                 f"{path}: a spreadsheet would run the column {name!r} as a formula. Name it otherwise, with `column` "
                 "in the model file."
             )
+    written = repr if digits is None else f"{{:.{digits}g}}".format
     with replaced_text(Path(path)) as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)
-        for values in zip(*columns.values(), strict=True):
-            writer.writerow([f"{value:.{digits}g}" if math.isfinite(value) else "" for value in values])
+        for values in zip(*(column.tolist() for column in columns.values()), strict=True):
+            writer.writerow([written(value) if math.isfinite(value) else "" for value in values])
 
 
 def row_reader(columns: Columns, header: Sequence[str], title: str) -> Callable[[int, Sequence[object]], Row]:

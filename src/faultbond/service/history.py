@@ -32,7 +32,7 @@ from faultbond.service.contract.messages import DECISIONS, Action, Deed, NamedRe
 from faultbond.service.contract.store import Enrolment, LogStore
 from faultbond.service.store.chunks import joined_rows
 
-EXACT = 17  # digits that give a number back to the last bit
+SHORT = (15, 12)  # digits, of which the fewest that do are written, as somebody wrote them
 PARQUET, PAGE = (".parquet", ".pq"), (".html", ".htm")
 KINDS_OF_FILES = "FILE.csv, FILE.parquet or FILE.html"
 
@@ -61,11 +61,11 @@ def tell_history(store: LogStore, wanted: Excerpt, *, output: Path | None, out: 
     FaultbondError
         Where there is no such asset, no row in the period, or a file of another kind is wanted.
     """
+    if wanted.begin is not None and wanted.end is not None and wanted.begin > wanted.end:
+        raise FaultbondError("--from: it is behind --to.")
     assets = _assets(store, wanted.asset)
     if output is None:
-        for item in store.journal(wanted.asset, begin=wanted.begin, end=wanted.end):
-            out.say(line_of(item))
-            out.record(record_of(item))
+        _list(store.journal(wanted.asset, begin=wanted.begin, end=wanted.end), out)
         return
     if output.suffix.lower() not in (".csv", *PARQUET, *PAGE):
         raise FaultbondError(f"{output}: what to write is told by the name's ending: {KINDS_OF_FILES}.")
@@ -86,10 +86,24 @@ def tell_history(store: LogStore, wanted: Excerpt, *, output: Path | None, out: 
     out.record({"record": "history", "asset": assets[0], "output": str(output), "model": enrolment.label})
 
 
+def _list(journal: Iterable[NamedRecord | Deed], out: Out) -> None:
+    """Tell all that is in a journal; as text a diagnosis that says what the one before said is left out."""
+    said: dict[str, str] = {}
+    for item in journal:
+        if isinstance(item, NamedRecord):
+            words = item.kind + _content_text(item.content)
+            is_news = item.kind != "diagnosis" or said.get(item.asset) != words
+            said[item.asset] = words
+        if not isinstance(item, NamedRecord) or is_news:
+            out.say(line_of(item))
+        out.record(record_of(item))
+
+
 def line_of(item: NamedRecord | Deed) -> str:
     """Give a record, or what a person did, as a line of text."""
     if isinstance(item, NamedRecord):
-        return f"{clock_text(item.time)}  {item.asset}  {item.kind}{_content_text(item.content)}"
+        kind = "repaired" if item.content.get("repaired") else item.kind
+        return f"{clock_text(item.time)}  {item.asset}  {kind}{_content_text(item.content)}"
     what = " ".join(filter(None, (item.action.value, " ".join(item.target))))
     if item.undone is not None:
         what = f"{what} entry {item.undone}"
@@ -183,10 +197,11 @@ def _in_force(store: LogStore, asset: str, wanted: Excerpt) -> Enrolment:
         log = store.log_between(asset, wanted.begin, wanted.end, enrolment.model_sha256)
         if any(isinstance(item, RowBlock) for item in log):
             return enrolment
-    begin, end = (-inf if wanted.begin is None else wanted.begin), (inf if wanted.end is None else wanted.end)
+    begin = "the beginning" if wanted.begin is None else clock_text(wanted.begin)
+    end = "now" if wanted.end is None else clock_text(wanted.end)
     kept = next((item for item in store.log_between(asset) if isinstance(item, RowBlock)), None)
     there = f"; what is kept begins at {clock_text(float(np.nanmin(kept.time)))}" if kept is not None else ""
-    raise RecordingError(f"{asset}: there is no row from {begin:g} to {end:g} s{there}.")
+    raise RecordingError(f"{asset}: there is no row from {begin} to {end}{there}.")
 
 
 def _in_unit(values: FloatArray, unit: Unit) -> FloatArray:
@@ -196,13 +211,16 @@ def _in_unit(values: FloatArray, unit: Unit) -> FloatArray:
         other = np.nextafter(found, direction)
         better = (unit.factor * found + unit.offset != values) & (unit.factor * other + unit.offset == values)
         found = np.where(better, other, found)
+    for digits in SHORT:
+        short = np.array([float(f"{value:.{digits}g}") for value in found.tolist()])
+        found = np.where(unit.factor * short + unit.offset == values, short, found)
     return found
 
 
 def _write_columns(path: Path, columns: Mapping[str, FloatArray]) -> None:
     """Write a recording."""
     if path.suffix.lower() not in PARQUET:
-        write_recording(path, columns, digits=EXACT)
+        write_recording(path, columns, digits=None)
         return
     try:
         import pyarrow  # noqa: PLC0415 - optional

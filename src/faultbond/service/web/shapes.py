@@ -9,6 +9,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from faultbond.service.alarm import LONGEST_SHELF
 from faultbond.service.contract.messages import DECISIONS, Action, Ne107
 
 Finite = float | None  # null where a value is missing or not finite
@@ -17,7 +18,7 @@ StatusWord = Literal["NORMAL", "FAILURE", "CHECK_FUNCTION", "OFF_SPEC", "MAINTEN
 MonitoringWord = Literal["initialising", "running", "no data", "stopped"]
 LONGEST_TEXT = 2000
 MOST_TARGETS = 100
-LONGEST_SHELVING = 7 * 24 * 60.0  # min
+LONGEST_SHELVING = LONGEST_SHELF / 60.0  # min
 
 
 def _readable(text: str) -> str:
