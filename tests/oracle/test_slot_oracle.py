@@ -40,7 +40,7 @@ class Acts:
 
 
 def acts_of(lane: SlotLane) -> Acts:
-    """What each kind of fault means, in the units of its size: noise for a sensor, volts for the input, relative for a gain."""
+    """What each kind of fault means, in the units of its size: noise of a sensor, volts of the input, or of none."""
     if lane.parameter >= 0:
         there = float(lane.acts)
         return Acts(resistor=there * (lane.parameter == 0), capacitor=there * (lane.parameter == 1))

@@ -62,7 +62,7 @@ def test_single_parameters_drift_or_come_and_go(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["dc_motor_current", "tank", "rc"])
 def test_kinds_of_an_instrument(name: str) -> None:
-    """A sensor is biased, drifts, has a wrong gain, is stuck, scatters or errs at times; an input also, but it has no noise.
+    """A sensor is biased, drifts, has a wrong gain, is stuck, scatters or errs at times; an input does not scatter.
 
     Those of an input are rarer; what comes and goes has lanes of both, with the weight of one. A ramp that has ended
     has the weight of the drift that it was.
@@ -163,7 +163,7 @@ def test_a_parameter_is_acted_on_while_its_fault_is_there() -> None:
 
 @pytest.mark.parametrize("zero", [0.0, 273.15])
 def test_roles_of_each_kind_of_fault_of_an_input(zero: float) -> None:
-    """The size adds to what acts or, of a gain, times what is recorded in its own unit; one that is stuck obeys no more."""
+    """The size adds to what acts, of a gain in what is recorded in its own unit; one that is stuck obeys no more."""
     spec = replace(SPEC, inputs=(replace(SPEC.inputs[0], unit_offset=zero),))
     plan, recorded, size = plan_slots(spec), zero + 3.0, 0.5
     added, gain, obeys = (role(spec, plan, name)[0] for name in ("input", "input_gain", "obeys"))

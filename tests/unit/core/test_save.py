@@ -300,7 +300,7 @@ def test_samples_at_the_edge_of_order_are_taken() -> None:
     assert refused(forged(course().saved[150], edge)) == 0
     gathering = {"clock.index": 301, "clock.begun": 1, "clock.running": 0, "clock.alarm": -1}
     assert refused(forged(course().saved[150], gathering)) == 0
-    assert refused(forged(course().saved[CLOSER], {"clock.index": LAST_KEPT})) == 0  # slow work on a trail that is short
+    assert refused(forged(course().saved[CLOSER], {"clock.index": LAST_KEPT})) == 0  # slow work on a short trail
 
 
 def test_the_time_of_a_kept_sample_is_a_number() -> None:

@@ -404,7 +404,7 @@ def test_a_lane_that_is_no_number_spoils_no_other(core: Core) -> None:
 
 @pytest.mark.parametrize("likelier", [False, True])
 def test_what_may_be_in_a_couple_begins_again(core: Core, likelier: bool) -> None:
-    """Of drifts, and biases and gains of inputs, the least likely lane of each becomes one that begins with what was found.
+    """Of drifts, and biases and gains of inputs, the least likely lane becomes one that begins with what was found.
 
     That is size and rate of the likeliest. Of all other kinds the likeliest begins as at first. Either is kept if it is
     likelier. Pairs of what moves and what has come to stay begin as they did first, where they are then likelier.
