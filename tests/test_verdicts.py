@@ -51,6 +51,55 @@ def test_fault_is_named_and_measured(folder: str, capsys: pytest.CaptureFixture[
         assert best[name]["estimate"] == pytest.approx(value, rel=margin)
 
 
+def test_the_gain_of_an_input_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A pump that gives 0.8 of what it is told, whatever that is, is told as that, and by how much."""
+    place, made = EXAMPLES / "tank", tmp_path / "gain.csv"
+    words = ("--inputs", str(place / "healthy.csv"), "--spread", "2 %", "--seed", "11", "--fault", "u_in.gain=0.8@2459")
+    assert main(["simulate", str(place / "model.yaml"), *words, "-o", str(made)]) == DONE
+    capsys.readouterr()
+    assert main(["run", str(place / "model.yaml"), str(made), "--json", "-"]) == FAULT_DETECTED
+    found = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    best = [record for record in found if record["record"] == "diagnosis"][-1]["candidates"][0]
+    assert best["probability"] > 0.9
+    assert best["kind"] == "gain"
+    gain = best["parameters"]["u_in.gain"]
+    assert gain["estimate"] == pytest.approx(0.8, abs=max(0.02, 3.0 * gain["sd"]))
+
+
+COLLECTOR = """
+name: collector
+sample_time: 10 s
+inputs: {G: {unit: W/m^2}}
+constants: {area: 8 m^2, Ta: 20 degC}
+blocks:
+  glass: {law: qs = eta*area*G, parameters: {eta: 0.79}}
+  absorber: {law: der(T) = (qs - UA*(T - Ta))/C, parameters: {UA: 30 W/K, C: 48 kJ/K}}
+sensors: {Tc: {reads: T, unit: degC, noise: 0.1 degC}}
+"""
+
+
+def test_an_input_that_a_parameter_multiplies_is_in_the_group_with_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A meter of irradiance that reads too little and glass that lets more through are one and the same."""
+    (tmp_path / "model.yaml").write_text(COLLECTOR, encoding="utf-8")
+    random = np.random.default_rng(3)
+    rows, T, level = ["time,G,Tc"], 60.0, 700.0
+    for k in range(700):
+        if k % 40 == 0:
+            level = round(float(random.uniform(400.0, 900.0)), 1)
+        shown = level * (0.8 if k >= 400 else 1.0)
+        rows.append(f"{10 * k},{shown:.2f},{T + 0.1 * random.standard_normal():.3f}")
+        T += 10.0 * (0.79 * 8.0 * level - 30.0 * (T - 20.0)) / 48e3
+    (tmp_path / "dust.csv").write_text("\n".join(rows), encoding="utf-8")
+    assert main(["run", str(tmp_path / "model.yaml"), str(tmp_path / "dust.csv"), "--json", "-"]) == FAULT_DETECTED
+    found = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    last = [record for record in found if record["record"] == "diagnosis"][-1]
+    group = {name: item for one in last["candidates"] if one["group"] for name, item in one["parameters"].items()}
+    assert set(group) == {"eta", "G.gain"}
+    assert group["G.gain"]["estimate"] == pytest.approx(1.25, rel=0.03)
+
+
 DIVIDER = """
 name: divider
 sample_time: 0.1 s

@@ -36,8 +36,8 @@ WILDEST, SAYS_MUCH, BLANK, NEVER, ROUNDING = 400.0, 0.1, 1e4, 1e6, 1e-16
 GAMMA = 1.0 - sqrt(0.5)
 # Of a packed sample: dt, inputs before and now, readings, their use and scale, kicks, gap, again, bound, usual squares.
 BEFORE, NOW, READ, USE, SCALE, KICK, GAP, BOUND, USUAL = 1, 3, 5, 7, 9, 11, 13, 15, 16
-# Of the roles of a slot: on factors, inputs; whether inputs act as recorded; how sensors read; their noise.
-INPUT, OBEYS, READS, GAIN, BIAS, LOUD = 7, 9, 11, 13, 15, 17
+# Of the roles of a slot: on factors, inputs; whether inputs act as recorded, times the size; how sensors read; noise.
+INPUT, OBEYS, INPUT_GAIN, READS, GAIN, BIAS, LOUD = 7, 9, 11, 13, 15, 17, 19
 
 Bank = tuple[FloatArray, FloatArray, FloatArray, FloatArray]  # x, p, roles, likelihood
 
@@ -46,6 +46,12 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Give a function as numba compiles it, or as it is where that is not installed."""
     made: Callable[..., Any] = function if numba is None else numba.njit(function, error_model="numpy")
     return made
+
+
+@compiled
+def added_by_slot(roles: Any, k: Any, recorded: Any) -> Any:
+    """Give what the slot adds to input k for each of its size."""
+    return roles[INPUT + k] + roles[INPUT_GAIN + k] * recorded
 
 
 @compiled
@@ -59,7 +65,7 @@ def model_of(x: Any, roles: Any, wide: Any, u: Any, at: Any, v: Any) -> None:
         for k in range(N_THETA):
             v[THETA + k] = min(max(x[THETA + k] + roles[k] * x[SIZE], LOWER), UPPER)
         for k in range(2):
-            v[N_PLAIN + k] = roles[OBEYS + k] * u[at + k] + roles[INPUT + k] * x[SIZE]
+            v[N_PLAIN + k] = roles[OBEYS + k] * u[at + k] + added_by_slot(roles, k, u[at + k]) * x[SIZE]
 
 
 @compiled
@@ -129,7 +135,7 @@ def predict(x: Any, p: Any, roles: Any, wide: Any, given: Any, v: Any, rows: Any
         for k in range(N_THETA):
             a[SIZE] += slope[THETA + k] * roles[k]
         for k in range(2):
-            a[SIZE] += slope[N_PLAIN + k] * roles[INPUT + k]
+            a[SIZE] += slope[N_PLAIN + k] * added_by_slot(roles, k, given[BEFORE + k])
     x[0] = v[0]
     moved[:n] = 0.0
     for i in range(n):
@@ -174,7 +180,7 @@ def expect(z: Any, p: Any, roles: Any, wide: Any, given: Any, v: Any, expected: 
         total = 0.0
         for k in range(N_THETA):
             total += by_v[THETA + k] * roles[k]
-        slopes[0, SIZE], slopes[1, SIZE] = total + by_v[10] * roles[INPUT], 0.0
+        slopes[0, SIZE], slopes[1, SIZE] = total + by_v[10] * added_by_slot(roles, 0, given[NOW]), 0.0
         for j in range(N_SENSORS):
             factor, plain = roles[READS + j] + roles[GAIN + j] * z[SIZE], expected[j]
             slopes[j, RATE] = 0.0
@@ -225,7 +231,7 @@ def update(
 
 @compiled
 def advance(x: Any, p: Any, roles: Any, given: Any, memory: Any, noise: Any) -> Any:
-    """Take a packed sample (n_sample,) into a filter: x (n,), p (n, n), roles (18,); give its log-likelihood."""
+    """Take a packed sample (n_sample,) into a filter: x (n,), p (n, n), roles (20,); give its log-likelihood."""
     v, rows, expected, slopes, cross, weight, shift, guess = memory
     n = len(x)
     wide = n > N_PLAIN

@@ -91,7 +91,7 @@ class FaultKind(Enum):
     DRIFT = "drift"  # a value that moves on at a rate
     INTERMITTENT = "intermittent"  # another value that comes and goes
     BIAS = "bias"  # of a sensor or input: something is added
-    GAIN = "gain"  # of a sensor: the reading is multiplied
+    GAIN = "gain"  # of a sensor: the reading is multiplied; of an input: what acts is a multiple of what is recorded
     STUCK = "stuck"  # of a sensor: the reading no longer follows the plant; of an input: what acts no longer follows it
     NOISE = "noise"  # of a sensor: it scatters more than declared
     RAMP = "ramp"  # another value, reached over a while, that stays

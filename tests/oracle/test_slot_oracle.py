@@ -32,6 +32,7 @@ class Acts:
     capacitor: float = 0.0
     voltage: float = 0.0
     obeys: float = 1.0
+    of_record: float = 0.0  # what it adds to the voltage, in what is recorded of that
     reads: float = 1.0
     gain: float = 0.0
     added: float = 0.0
@@ -39,10 +40,12 @@ class Acts:
 
 
 def acts_of(lane: SlotLane) -> Acts:
-    """What each kind of fault means, in the units of its size: noise for a sensor, relative for its gain."""
+    """What each kind of fault means, in the units of its size: noise of a sensor, volts of the input, or of none."""
     if lane.parameter >= 0:
         there = float(lane.acts)
         return Acts(resistor=there * (lane.parameter == 0), capacitor=there * (lane.parameter == 1))
+    if lane.input >= 0 and lane.kind is FaultKind.GAIN:
+        return Acts(of_record=1.0)
     if lane.input >= 0:
         return Acts(voltage=float(lane.acts), obeys=float(not lane.sticks))
     if not lane.acts:
@@ -62,9 +65,10 @@ def charging(z: FloatArray, voltage: float, acts: Acts) -> tuple[float, FloatArr
     """Rate of the capacitor's voltage and its slope by z."""
     r = R * (z[FACTOR_R] + acts.resistor * z[SIZE])
     c = C * (z[FACTOR_C] + acts.capacitor * z[SIZE])
-    rate = (acts.obeys * voltage + z[INPUT] + acts.voltage * z[SIZE] - z[VOLTAGE]) / (r * c)
+    by_each = acts.voltage + acts.of_record * voltage  # V, of each of the size
+    rate = (acts.obeys * voltage + z[INPUT] + by_each * z[SIZE] - z[VOLTAGE]) / (r * c)
     by_r, by_c = -rate * R / r, -rate * C / c
-    by_size = by_r * acts.resistor + by_c * acts.capacitor + acts.voltage / (r * c)
+    by_size = by_r * acts.resistor + by_c * acts.capacitor + by_each / (r * c)
     return rate, np.array([-1.0 / (r * c), by_r, by_c, by_size, 0.0, 1.0 / (r * c)])
 
 

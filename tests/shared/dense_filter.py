@@ -137,12 +137,15 @@ class DenseFilter:
 
         ROS2 in equal substeps. The slopes are those of its formulas with the matrix inside them held. Inputs with a
         linear hold gain `climb` over dt, as far as the plant obeys what is recorded: one that is stuck stays.
+        What a gain multiplies is, for the slopes, the middle of that.
         """
-        v, by_z = self.model_vector(z, roles, u)
+        climb = np.array([item.linear for item in self.spec.inputs]) * climb
+        v, _ = self.model_vector(z, roles, u)
+        _, by_z = self.model_vector(z, roles, u + 0.5 * climb)
         n_x, h, gamma = len(self.spec.states), dt / self.model.substeps, 1.0 - 1.0 / np.sqrt(2.0)
         moved = np.eye(len(v))  # slope of the vector on its way by the vector at the start
-        obeyed = roles["obeys"] if self.spec.slot else 1.0
-        part = obeyed * np.array([item.linear for item in self.spec.inputs]) * climb / self.model.substeps
+        obeyed = roles["obeys"] + roles["input_gain"] * z[self.spec.slot_slice.start] if self.spec.slot else 1.0
+        part = obeyed * climb / self.model.substeps
         for _ in range(self.model.substeps):
             implicit = self.solved(v, u, implicit)
             f, A = self.rates(v, u, implicit)
@@ -223,7 +226,7 @@ class DenseFilter:
             by_z[last + index, spec.noise_slice.start + k] = 1.0
         if spec.slot:
             by_z[first:last, spec.slot_slice.start] = roles["theta"]
-            by_z[last:, spec.slot_slice.start] = roles["input"]
+            by_z[last:, spec.slot_slice.start] = roles["input"] + roles["input_gain"] * u
             by_z[last:, spec.slot_slice.start + 1] = roles["input_beside"]
         v = by_z @ z
         if spec.slot:

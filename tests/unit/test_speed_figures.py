@@ -71,6 +71,7 @@ def tank_lane(drifting: int | None) -> FloatArray:
         ("noise", 1.2),
         ("input", 0.1),
         ("obeys", 0.9),
+        ("input_gain", 0.02),
         ("moves", 1.0),
     ):
         lane[wide.role_fields[name]] = value

@@ -14,7 +14,7 @@ from faultbond.analysis.groups import MOST_NEAR, Group, NearGroup, groups, near_
 from faultbond.analysis.ranks import ReducedSensitivities, above_noise, reduce
 from faultbond.analysis.reading_noise import usual_noise
 from faultbond.analysis.replay import sudden_runs
-from faultbond.analysis.sensitivity import BIAS, Recursion, Sensitivity
+from faultbond.analysis.sensitivity import Recursion, Sensitivity
 from faultbond.analysis.testable import Judgement, generic_run, judge
 from faultbond.equations.step import StepModel
 
@@ -26,8 +26,8 @@ class CapabilityView:
     """Verdicts on sets of suspects, small sets first, and which of those up to `max_faults` look alike.
 
     groups: alike once the change has lasted. sudden_groups: alike even where it comes at once and stores keep their
-    contents, as the bank takes it; a bias of an instrument counts as a suspect of its own. near_groups: nearly alike in
-    either way. names: of what the positions in the two stand for.
+    contents, as the bank takes it; a bias of an instrument, or a gain of an input, counts as a suspect of its own.
+    near_groups: nearly alike in either way. names: of what the positions in the two stand for.
     """
 
     judgement: Judgement
@@ -38,7 +38,7 @@ class CapabilityView:
 
     def is_instrument(self, chosen: Sequence[int]) -> bool:
         """Whether a set is an instrument."""
-        return self.names[chosen[0]].endswith(BIAS)
+        return "." in self.names[chosen[0]]  # no name of a parameter has a dot
 
 
 def in_general(model: StepModel, recursion: Recursion) -> CapabilityView:

@@ -1,7 +1,8 @@
 """What a fault does to the healthy filter: the nonlinear plant with a parameter changed, through its recursion.
 
 Stores keep their contents when the parameter changes; nothing reacts to the fault meanwhile. A bias of an instrument
-is a fault too: a sensor gives so much more, or so much less acts than an input says.
+is a fault too: a sensor gives so much more, or so much less acts than an input says. So is a gain of an input: so many
+times what it says acts.
 """
 
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ import numpy as np
 from faultbond.analysis.batch import Batch
 from faultbond.analysis.false_alarm_trials import alarming, ratios_of
 from faultbond.analysis.operation import Operation, advance_function
-from faultbond.analysis.sensitivity import BIAS
+from faultbond.analysis.sensitivity import BIAS, GAIN
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
@@ -23,7 +24,7 @@ _MOST = 1e12  # standard deviations; more need not be told apart
 _FIRST_PART = 0.05  # of its accuracy, the first size tried of a parameter
 _LEAST = 1e-3  # and at least so much, in factors
 _FIRST_NOISES, _MOST_NOISES = 1.0, 1e4  # the same of a sensor, and the largest; in its noise
-_FIRST_INPUT, _MOST_INPUT = 0.01, 10.0  # the same of an input, in its largest value
+_FIRST_INPUT, _MOST_INPUT = 0.01, 10.0  # the same of an input, in its largest value, and of its gain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,6 +32,7 @@ class FaultTarget:
     """What may change: a parameter, a sensor or an input, by its position; -1 for the two that it is not.
 
     scale: SI size of one factor, in which all sizes are. first: the first size tried. most: the largest up, and down.
+    is_gain: whether it is the gain of the input.
     """
 
     name: str
@@ -40,13 +42,14 @@ class FaultTarget:
     parameter: int = -1
     output: int = -1
     input: int = -1
+    is_gain: bool = False
 
 
 FaultCase = tuple[FaultTarget, int]  # sign of the change
 
 
 def fault_targets(spec: EngineSpec, operation: Operation) -> tuple[FaultTarget, ...]:
-    """Give all parameters, then the biases of the instruments that may fail."""
+    """Give all parameters, then the biases of the instruments that may fail, then the gains of such inputs."""
     found = [
         FaultTarget(
             name=item.name,
@@ -66,6 +69,12 @@ def fault_targets(spec: EngineSpec, operation: Operation) -> tuple[FaultTarget, 
         elif largest[item.index] > 0.0:
             size, most = float(largest[item.index]), (_MOST_INPUT, _MOST_INPUT)
             found.append(FaultTarget(name=name, scale=size, first=_FIRST_INPUT, most=most, input=item.index))
+    for item in spec.instruments:
+        if not item.is_output and np.any(operation.u[:, item.index] != spec.inputs[item.index].unit_offset):
+            name, most = f"{item.name}{GAIN}", (_MOST_INPUT, 1.0)
+            found.append(
+                FaultTarget(name=name, scale=1.0, first=_FIRST_INPUT, most=most, input=item.index, is_gain=True)
+            )
     return tuple(found)
 
 
@@ -91,7 +100,9 @@ class Faults:
         self.advance, self.measure = Batch(advance_function(model)), Batch(model.measure)
         self.healthy = operation.mean[rows[:, 0]].copy()
         self.healthy[:, spec.noise_slice] = 0.0
-        self.outputs = self._outputs(self.healthy, np.zeros((len(rows), len(spec.inputs))))
+        self.zeros = np.array([item.unit_offset for item in spec.inputs])
+        nothing = np.zeros((len(rows), len(spec.inputs)))
+        self.outputs = self._outputs(self.healthy, nothing, nothing)
 
     def shift(self, cases: Sequence[FaultCase], sizes: FloatArray) -> Shift:
         """Give what faults of sizes (n_cases,), in factors, do to outputs, innovations and slow errors."""
@@ -100,12 +111,15 @@ class Faults:
         of = [item for item, _ in cases]
         starts = np.concatenate([self._changed(item.parameter, by) for item, by in zip(of, signed, strict=True)])
         acting, shown = np.zeros((len(cases), len(spec.inputs))), np.zeros((len(cases), len(spec.outputs)))
+        gained = np.zeros_like(acting)
         for c, (item, by) in enumerate(zip(of, signed, strict=True)):
-            if item.input >= 0:
+            if item.is_gain:
+                gained[c, item.input] = by
+            elif item.input >= 0:
                 acting[c, item.input] = -by * item.scale
             if item.output >= 0:
                 shown[c, item.output] = by * item.scale
-        seen = self._outputs(starts, np.repeat(acting, len(rows), axis=0))
+        seen = self._outputs(starts, *(np.repeat(part, len(rows), axis=0) for part in (acting, gained)))
         seen = seen.reshape(rows.shape[1], len(cases), len(rows), -1) + shown[:, None]
         moved = seen - self.outputs[:, None]
         whole = np.asarray((np.abs(moved) < _ABSURD * spec.output_noise).all(axis=(0, 2, 3)))  # false for nan
@@ -137,10 +151,10 @@ class Faults:
         carried[..., spec.noise_slice] = 0.0
         return carried
 
-    def _outputs(self, starts: FloatArray, acting: FloatArray) -> FloatArray:
+    def _outputs(self, starts: FloatArray, acting: FloatArray, gained: FloatArray) -> FloatArray:
         """Give the outputs (w, n, n_outputs), SI, of plants that begin so at the onsets, in turn.
 
-        acting: (n, n_inputs), what acts more than the inputs say, SI.
+        acting: (n, n_inputs), what acts more than the inputs say, SI; gained: the same in what they are in their units.
         """
         operation, rows = self.operation, self.rows
         times = len(starts) // len(rows)
@@ -149,10 +163,12 @@ class Faults:
         for w in range(rows.shape[1]):
             k = np.tile(rows[:, w], times)
             if w:
-                arguments = (v, z, operation.u_before[k] + acting, operation.u[k] + acting, operation.dt[k, None])
+                both = (u[k] + acting + gained * (u[k] - self.zeros) for u in (operation.u_before, operation.u))
+                arguments = (v, z, *both, operation.dt[k, None])
                 v, z, y = (item[:, :, 0] for item in self.advance(*arguments))
             else:
-                y = self.measure(v, operation.u[k] + acting, z)[0][:, :, 0]
+                u = operation.u[k]
+                y = self.measure(v, u + acting + gained * (u - self.zeros), z)[0][:, :, 0]
             seen[w] = y
         return seen
 

@@ -24,7 +24,7 @@ from faultbond.errors import StructureError
 from faultbond.types import FaultKind
 
 TINY = 1e-300
-BIAS = f".{FaultKind.BIAS.value}"  # behind the name of an instrument; no name of a parameter has a dot
+BIAS, GAIN = f".{FaultKind.BIAS.value}", f".{FaultKind.GAIN.value}"  # behind the name of an instrument
 _HUGE = 1e120
 _ITERATIONS = 40
 _PARTS = np.array([1 / 1024, 1 / 64, 1 / 16, 1 / 4, 4.0, 16.0, 64.0])[:, None, None]  # of Newton's step
@@ -164,8 +164,8 @@ def sensitivities(
 ) -> tuple[Sensitivity | None, ...]:
     """Give the trajectories of experiments of equal length, side by side; None for one without a finite solution.
 
-    With `instruments`, a bias of each sensor and input that may fail stands behind the parameters, as `flow.bias`: one
-    of a sensor in its noise, one of an input in the largest value that it has.
+    With `instruments`, what may be wrong with those that may fail stands behind the parameters: a bias of each, as
+    `flow.bias`, of a sensor in its noise, of an input in the largest value that it has; then a gain of each input.
     """
     plant, n, m = recursion.plant, len(experiments), len(experiments[0].dt)
     n_x, n_p = plant.x.numel(), plant.theta.numel()
@@ -177,8 +177,8 @@ def sensitivities(
     begun = np.array([item.onset for item in experiments])
     zero = np.array([item.nominal == 0.0 for item in plant.graph.parameters], dtype=bool)
     steps = np.where(zero, [item.scale for item in plant.graph.parameters], theta)
-    biases = _biases(plant, inputs) if instruments else _no_biases(plant, n)
-    n_f = n_p + len(biases.names)
+    off = _instruments(plant, inputs) if instruments else _no_instruments(plant, n)
+    n_f = n_p + len(off.names)
     march = March(recursion, inputs, dt, theta, np.hstack([start, implicit]), _SETTLED)
     x, y = np.empty((n, m, n_x)), np.empty((n, m, plant.readings.numel()))
     n_v, n_s = recursion.n_unknown, n_f + n_x
@@ -193,10 +193,11 @@ def sensitivities(
             there = (k >= begun)[:, None, None]
             still_there = np.zeros((*march.w.shape, n_s - n_p + m * n_v))
             right = np.concatenate([-by_theta * steps[:, None, :], still_there], axis=2)
-            shown = np.concatenate([y_by_theta * steps[:, None, :], biases.by_sensor], axis=2)
-            if biases.inputs:
-                by_u, y_by_u = (item[:, :, biases.inputs] * biases.of_input for item in recursion.by_inputs(*arguments))
-                right[:, :, n_f - len(biases.inputs) : n_f] = -by_u
+            shown = np.concatenate([y_by_theta * steps[:, None, :], off.by_sensor], axis=2)
+            if off.inputs:
+                more = off.acts_more(inputs[:, k])[:, None, :]
+                by_u, y_by_u = (item[:, :, off.inputs] * more for item in recursion.by_inputs(*arguments))
+                right[:, :, n_f - len(off.inputs) : n_f] = -by_u
                 shown = np.concatenate([shown, y_by_u], axis=2)
             right *= there
             right[:, :n_x] += moved
@@ -213,14 +214,14 @@ def sensitivities(
     return tuple(
         Sensitivity(
             outputs=tuple(item.name for item in plant.graph.sensors),
-            parameters=(*(item.name for item in plant.graph.parameters), *biases.names),
+            parameters=(*(item.name for item in plant.graph.parameters), *off.names),
             states=tuple(item.name for item in plant.network.states),
             times=still(np.cumsum(dt[lane])),
             inputs=still(inputs[lane].copy()),
             x=still(x[lane].copy()),
             y=still(y[lane].copy()),
-            theta=still(np.append(theta[lane], np.zeros(n_f - n_p))),
-            steps=still(np.append(steps[lane], biases.steps[lane])),
+            theta=still(np.append(theta[lane], off.healthy)),
+            steps=still(np.append(steps[lane], off.steps[lane])),
             by_theta=still(by[lane, :, :, :n_f].copy()),
             by_start=still(by[lane, :, :, n_f:n_s].copy()),
             by_unknown=still(by[lane, :, :, n_s:].copy()),
@@ -232,22 +233,33 @@ def sensitivities(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Biases:
-    """Biases of sensors, then of inputs: names, and steps (lanes, n_biases), SI.
+class _Instruments:
+    """What may be wrong with instruments: biases of sensors, biases of inputs, gains of inputs, in this order.
 
-    by_sensor: (lanes, n_outputs, n_sensors), what they do to the readings. inputs: which; of_input: (lanes, 1,
-    n_inputs), their steps, less since an input that reads too much is one that acts too little.
+    names: (n,). healthy: (n,), what they are while nothing is wrong; steps: (lanes, n), SI. by_sensor: (lanes,
+    n_outputs, n_sensors), what biases of sensors do to the readings. inputs: of the others which, biases then gains.
+    largest, zeros: (lanes, n_inputs), (n_inputs,), sizes of these inputs and where their unit is 0, SI.
     """
 
     names: tuple[str, ...]
+    healthy: FloatArray
     steps: FloatArray
     by_sensor: FloatArray
     inputs: list[int]
-    of_input: FloatArray
+    largest: FloatArray
+    zeros: FloatArray
+
+    def acts_more(self, inputs: FloatArray) -> FloatArray:
+        """Give what acts more for a step of each, (lanes, 2 n_inputs), SI; inputs: (lanes, n), those of the sample.
+
+        Of a bias less, since an input that reads too much is one that acts too little. A gain multiplies what an input
+        is in its own unit.
+        """
+        return np.hstack([-self.largest, inputs[:, self.inputs[len(self.zeros) :]] - self.zeros])
 
 
-def _biases(plant: Plant, inputs: FloatArray) -> _Biases:
-    """Give the biases of what may fail; inputs: (lanes, n_samples, n_inputs), SI."""
+def _instruments(plant: Plant, inputs: FloatArray) -> _Instruments:
+    """Give what may be wrong with what may fail; inputs: (lanes, n_samples, n_inputs), SI."""
     graph, lanes = plant.graph, len(inputs)
     sensors = [k for k, item in enumerate(graph.sensors) if item.suspect]
     driven = [k for k, item in enumerate(graph.inputs) if item.suspect]
@@ -256,24 +268,28 @@ def _biases(plant: Plant, inputs: FloatArray) -> _Biases:
     largest = np.where(largest > 0.0, largest, 1.0)
     by_sensor = np.zeros((len(graph.sensors), len(sensors)))
     by_sensor[sensors, np.arange(len(sensors))] = noise
-    names = [*(graph.sensors[k].name for k in sensors), *(graph.inputs[k].name for k in driven)]
-    return _Biases(
-        names=tuple(f"{name}{BIAS}" for name in names),
-        steps=np.hstack([np.tile(noise, (lanes, 1)), largest]),
+    biased = [*(graph.sensors[k].name for k in sensors), *(graph.inputs[k].name for k in driven)]
+    return _Instruments(
+        names=(*(f"{name}{BIAS}" for name in biased), *(f"{graph.inputs[k].name}{GAIN}" for k in driven)),
+        healthy=np.concatenate([np.zeros(len(biased)), np.ones(len(driven))]),
+        steps=np.hstack([np.tile(noise, (lanes, 1)), largest, np.ones_like(largest)]),
         by_sensor=np.tile(by_sensor, (lanes, 1, 1)),
-        inputs=driven,
-        of_input=-largest[:, None, :],
+        inputs=[*driven, *driven],
+        largest=largest,
+        zeros=np.array([graph.inputs[k].unit.offset for k in driven]),
     )
 
 
-def _no_biases(plant: Plant, lanes: int) -> _Biases:
+def _no_instruments(plant: Plant, lanes: int) -> _Instruments:
     """Give none, for so many lanes."""
-    return _Biases(
+    return _Instruments(
         names=(),
+        healthy=np.zeros(0),
         steps=np.zeros((lanes, 0)),
         by_sensor=np.zeros((lanes, plant.readings.numel(), 0)),
         inputs=[],
-        of_input=np.zeros((lanes, 1, 0)),
+        largest=np.zeros((lanes, 0)),
+        zeros=np.zeros(0),
     )
 
 

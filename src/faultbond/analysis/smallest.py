@@ -25,7 +25,7 @@ from faultbond.analysis.comparison import NO_TIME, Allowance
 from faultbond.analysis.false_alarm_trials import REALISATIONS, Bisection, Detector, windows_of
 from faultbond.analysis.faulty import FaultCase, Faults, FaultTarget, fault_targets
 from faultbond.analysis.operation import Operation, operate, usual_operation
-from faultbond.analysis.sensitivity import BIAS
+from faultbond.analysis.sensitivity import BIAS, GAIN
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.samples import Sample
 from faultbond.contract.spec import EngineSpec
@@ -62,9 +62,10 @@ class Effect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SmallestFault:
-    """The smallest step of one parameter, or bias of an instrument, that is found with `certainty` within `within` s.
+    """The smallest step of one parameter, or of what is wrong with an instrument, that is found within `within` s.
 
-    parameter : its name; of an instrument `flow.bias`
+    parameter : its name; of an instrument `flow.bias`, of an input also `u.gain`
+    certainty : part of all cases in which it is found
     value : size of the change, SI: of the two directions the one that needs more; None if neither is ever found
     up, down : size by direction; None: not found however large, within the parameter's range
     effects : of `value`, by output, without noise and while nothing reacts to it
@@ -116,7 +117,8 @@ def smallest_faults(
     ----------
     model, spec, engine : the plant
     samples : a run of the healthy plant, on the grid; default one of `operation.usual_runs`
-    parameters : names, of a bias `flow.bias`; default all suspects, and the biases of all instruments that may fail
+    parameters : names, of a bias `flow.bias`, of a gain `u.gain`; default all suspects, and what may be wrong with the
+        instruments that may fail: biases, and of inputs gains
     within : s, default 300 samples
     onsets : times, s, of the samples at which the fault may begin; default four, spread over the run
     certainty : part of the realisations, over all onsets, that is to be found
@@ -134,6 +136,7 @@ def smallest_faults(
     """
     clock = Allowance(seconds=seconds)
     names = [item.name for item in spec.parameters] + [f"{item.name}{BIAS}" for item in spec.instruments]
+    names += [f"{item.name}{GAIN}" for item in spec.instruments if not item.is_output]
     for name in parameters or ():
         if name not in names:
             raise ModelError(f"{spec.model}: no parameter {name}; there are {', '.join(names)}")

@@ -59,7 +59,8 @@ function misreading(name, item) {
   if (!isOff(item)) return `its ${word} may still be ${word === "bias" ? "0" : "right"}`;
   if (word === "gain") {
     const change = changeText(item.nominal || 0, item.estimate, item.sd);
-    return `it reads ${numberText(value, sd)} times the right value${unit.shownIn}${change ? ` (gain, ${change})` : ""}`;
+    const times = `${numberText(value, sd)} times`, rest = `${unit.shownIn}${change ? ` (gain, ${change})` : ""}`;
+    return unit.isInput ? `it acts ${times} what is recorded${rest}` : `it reads ${times} the right value${rest}`;
   }
   const size = withUnit(Math.abs(value), unit.unit, sd);
   if (word === "noise") {

@@ -24,7 +24,7 @@ FRESH, OLD = (
 )  # samples in which a drift covers a usual fault, or what it has: one that begins now, one under way
 UNSTEADY = 0.7  # sd of the rate of a drift under way, in that
 BIASES = (10.0, 300.0)  # sd of a sensor's bias, in its noise
-GAIN = 0.3  # sd of the relative error of a sensor's gain
+GAIN = 0.3  # sd of the relative error of the gain of a sensor or an input
 STUCK_NOISES = (1.0,)  # noise variance of a sensor that is stuck, in that declared
 STUCK_AT = (1.0, 1000.0)  # sd of where it is stuck about its last reading, in its noise
 NOISES = (4.0, 9.0, 25.0, 100.0, 1000.0)  # noise variance of a sensor that scatters, in that declared
@@ -34,6 +34,7 @@ COMMANDED = log(0.3)  # prior weight of the faults of an input, beside the step 
 INPUT_KINDS = {  # and of each of them
     FaultKind.BIAS: 1.0,
     FaultKind.DRIFT: 0.6,
+    FaultKind.GAIN: 0.3,
     FaultKind.STUCK: 0.3,
     FaultKind.INTERMITTENT: 0.2,
 }
@@ -57,7 +58,8 @@ class SlotLane:
     sticks : whether the sensor does not follow the plant, or the input its record, while its fault is there
     old : whether the fault has been under way for long, so that the healthy filter has learned from it
     size, size_sd, rate, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a
-        sensor in its noise (bias, stuck) or relative (gain), of an input in its largest value seen; the rate per sample
+        sensor in its noise (bias, stuck), of an input in its largest value seen, of a gain relative; the rate per
+        sample
     noise : noise variance of the sensor, in that declared
     weight : logarithm of the prior weight
     """
@@ -207,6 +209,7 @@ def _input_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
         *(replace(lane, size_sd=sd) for sd in INPUT_BIASES),
         replace(drift, rate_sd=INPUT_BIASES[1] / FRESH),
         replace(drift, size_sd=INPUT_BIASES[0], rate_sd=INPUT_BIASES[0] / OLD),
+        replace(lane, kind=FaultKind.GAIN, size_sd=GAIN),
         *(replace(stuck, size_sd=sd) for sd in INPUT_STUCK),
         *(replace(lane, kind=FaultKind.INTERMITTENT, size_sd=sd) for sd in INPUT_BIASES),
     ]
@@ -227,7 +230,9 @@ def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:
     if lane.parameter >= 0:
         roles[place["theta"] + lane.parameter] = float(lane.acts)
     if lane.input >= 0:
-        roles[place["input"] + lane.input] = float(lane.acts)
+        is_gain = lane.kind is FaultKind.GAIN
+        roles[place["input"] + lane.input] = -spec.inputs[lane.input].unit_offset if is_gain else float(lane.acts)
+        roles[place["input_gain"] + lane.input] = float(is_gain)
         roles[place["obeys"] + lane.input] = float(not lane.sticks)
     if lane.output >= 0:
         output = spec.outputs[lane.output]

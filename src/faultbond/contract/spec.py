@@ -11,7 +11,7 @@ covariance P (row by row), the last solutions of implicit relations, and the log
 A *slot lane* (`EngineSpec.slotted`) has two more coordinates before the input noise, the size `d` of one more fault and
 its rate `r`, d' = d + r dt, and, before the likelihood, roles: constants that say on what d acts.
 
-    theta + theta_role * d        obeys_role * u + input_role * d
+    theta + theta_role * d        u * (obeys_role + input_gain_role * d) + input_role * d
     y = h * (reads_role + gain_role * d) + bias_role * d
 
 Where `moves_role` is 0, r is no rate but the bias of one more instrument, and acts as input_beside_role and
@@ -377,8 +377,8 @@ class EngineSpec:
     def role_fields(self) -> dict[str, slice]:
         """Where the roles of the slot stand in a lane, by name.
 
-        theta, input, obeys, reads, gain, bias, noise, moves, input_beside, bias_beside; ended, took: of a ramp that
-        has come to its end, when it did and after how long, s; returns: of a fault that comes and goes the
+        theta, input, obeys, input_gain, reads, gain, bias, noise, moves, input_beside, bias_beside; ended, took: of a
+        ramp that has come to its end, when it did and after how long, s; returns: of a fault that comes and goes the
         probability that it has been there and gone.
         """
         n_y = len(self.outputs)
@@ -386,6 +386,7 @@ class EngineSpec:
             "theta": len(self.parameters),
             "input": len(self.inputs),
             "obeys": len(self.inputs),
+            "input_gain": len(self.inputs),
             "reads": n_y,
             "gain": n_y,
             "bias": n_y,

@@ -100,6 +100,10 @@ static void absorb(State *state, int64_t slot, int64_t kind, double size, double
     } else if (input >= 0 && SLOT_STICKS[slot]) {
         state->normal.input_gain[input] = 0.0;
         state->normal.input_offset[input] = state->inputs.held[input] = size;
+    } else if (input >= 0 && kind == KIND_GAIN) {
+        state->normal.input_gain[input] *= 1.0 + size;
+        state->normal.input_offset[input] += size * (state->normal.input_offset[input] - INPUT_ZERO[input]);
+        state->inputs.held[input] += size * (state->inputs.held[input] - INPUT_ZERO[input]);
     } else if (input >= 0 && SLOT_ACTS[slot]) {
         state->normal.input_offset[input] += size;
         state->inputs.held[input] += size; /* what acts is not changed by knowing of it */
@@ -152,7 +156,8 @@ static void renew_instrument(State *state, int64_t slot)
         normal->offset[output] = 0.0;
     }
     if (input >= 0) {
-        if (normal->input_gain[input] != 0.0) state->inputs.held[input] -= normal->input_offset[input];
+        if (normal->input_gain[input] != 0.0)
+            state->inputs.held[input] = (state->inputs.held[input] - normal->input_offset[input]) / normal->input_gain[input];
         normal->input_gain[input] = 1.0;
         normal->input_offset[input] = 0.0;
     }
@@ -188,6 +193,7 @@ static int accept(State *state, int64_t hypothesis, int repaired, Candidate *can
     memcpy(state->healthy.lane, memory->plain, sizeof memory->plain);
     if (repaired) renew(state, hypothesis, of_plan, beside, &memory->ranking.given);
     memcpy(state->normal.lane, state->healthy.lane, sizeof state->normal.lane);
+    begin_walks(&state->healthy, state->healthy.lane, row_of(&state->past, last)->time);
     memcpy(row_of(&state->past, last)->lane, state->healthy.lane, sizeof state->normal.lane);
     state->clock.alarm = -1;
     state->clock.accepted = last;

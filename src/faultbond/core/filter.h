@@ -44,6 +44,14 @@ FB_OF_FILTERS void expect_signals(const lanes *FB_RESTRICT lane, const double *F
 #endif
 
 #ifdef FB_HOLDS_FILTERS
+#if N_SLOT > 0
+/* What the slot adds for each of its size to input k, of which u is recorded. */
+static inline lanes added_by_slot(const lanes *FB_RESTRICT lane, int k, given u)
+{
+    return lane[ROLE_INPUT + k] + lane[ROLE_INPUT_GAIN + k] * u;
+}
+#endif
+
 /* The vector v of the model: parameters with what the slot adds to them, within their range, and errors of inputs: one that
    does not obey is off by all of what is recorded, u. */
 static void joint_to_model(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, const given *FB_RESTRICT u,
@@ -55,7 +63,7 @@ static void joint_to_model(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRI
     for (int k = 0; k < N_PARAMETERS; k++)
         v[AT_PARAMETERS + k] = clamp(z[AT_PARAMETERS + k] + lane[ROLE_THETA + k] * z[AT_SLOT], LOWER[k], UPPER[k]);
     for (int k = 0; k < N_INPUTS; k++)
-        v[AT_SLOT + k] = lane[ROLE_INPUT + k] * z[AT_SLOT] + lane[ROLE_INPUT_BESIDE + k] * z[AT_SLOT + 1] +
+        v[AT_SLOT + k] = added_by_slot(lane, k, u[k]) * z[AT_SLOT] + lane[ROLE_INPUT_BESIDE + k] * z[AT_SLOT + 1] +
                          (lane[ROLE_OBEYS + k] - 1.0) * u[k];
 #else
     (void)lane;
@@ -78,17 +86,19 @@ static inline const double *inputs_of(const given *FB_RESTRICT u, lanes *FB_REST
 #endif
 }
 
-/* Add a slope by column c of v to a row of slopes by z. */
-static inline void add_by_z(const lanes *FB_RESTRICT lane, int c, lanes slope, lanes *FB_RESTRICT row)
+/* Add a slope by column c of v to a row of slopes by z, under recorded inputs u. */
+static inline void add_by_z(const lanes *FB_RESTRICT lane, const given *FB_RESTRICT u, int c, lanes slope,
+                            lanes *FB_RESTRICT row)
 {
     if (c < AT_SLOT) row[c] = slope;
 #if N_SLOT > 0
     if (c >= AT_SLOT) {
-        row[AT_SLOT] += slope * lane[ROLE_INPUT + c - AT_SLOT];
+        row[AT_SLOT] += slope * added_by_slot(lane, c - AT_SLOT, u[c - AT_SLOT]);
         row[AT_SLOT + 1] += slope * lane[ROLE_INPUT_BESIDE + c - AT_SLOT];
     } else if (c >= AT_PARAMETERS) row[AT_SLOT] += slope * lane[ROLE_THETA + c - AT_PARAMETERS];
 #else
     (void)lane;
+    (void)u;
 #endif
     if (N_NOISY > 0 && c >= AT_SLOT && NOISE_OF_INPUT[c - AT_SLOT] >= 0)
         row[AT_NOISE + NOISE_OF_INPUT[c - AT_SLOT]] = slope;
@@ -171,6 +181,7 @@ static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample
 static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Filter *FB_RESTRICT work)
 {
     lanes v[N_V], climb[FB_ROOM(N_INPUTS)];
+    given middle[FB_ROOM(N_INPUTS)]; /* of the step */
 #if N_HELD > 0 && !defined(FB_OWN_SAMPLES)
     lanes before[FB_ROOM(N_HELD)], variance[FB_ROOM(N_HELD)];
     for (int h = 0; h < N_HELD; h++) {
@@ -184,14 +195,16 @@ static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Fi
     for (int k = 0; k < N_INPUTS; k++) {
         climb[k] = INPUT_LINEAR[k] ? EACH(sample[SAMPLE_U + k] - sample[SAMPLE_U_BEFORE + k]) : broadcast(0.0);
 #if N_SLOT > 0
-        climb[k] *= lane[ROLE_OBEYS + k];
+        climb[k] *= lane[ROLE_OBEYS + k] + lane[ROLE_INPUT_GAIN + k] * lane[AT_SLOT];
 #endif
+        middle[k] = sample[SAMPLE_U_BEFORE + k];
+        if (INPUT_LINEAR[k]) middle[k] += 0.5 * (sample[SAMPLE_U + k] - sample[SAMPLE_U_BEFORE + k]);
     }
     integrate(v, u, climb, SHARED(sample[SAMPLE_DT]), SHARED(sample[SAMPLE_STILL]) > 0.0, lane + AT_IMPLICIT,
               &work->step);
     for (int i = 0; i < N_STATES; i++) {
         for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) work->a[i][STATE_PLACE[e]] = broadcast(0.0);
-        FOR_REACH (i, c) add_by_z(lane, c, WIDE(work->step.slope[i][c]), work->a[i]);
+        FOR_REACH (i, c) add_by_z(lane, middle, c, WIDE(work->step.slope[i][c]), work->a[i]);
         lane[i] = v[i];
     }
 #if N_HELD > 0 && !defined(FB_OWN_SAMPLES)
@@ -269,7 +282,7 @@ static void expect(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, co
     for (int j = 0; j < N_OUTPUTS; j++) {
         lanes *FB_RESTRICT row = found->slope[j];
         for (int e = OUT_ROW[j]; e < OUT_ROW[j + 1]; e++) row[OUT_PLACE[e]] = broadcast(0.0);
-        for (int e = READING_ROW[j]; e < READING_ROW[j + 1]; e++) add_by_z(lane, READING_COLUMN[e], slopes[e], row);
+        for (int e = READING_ROW[j]; e < READING_ROW[j + 1]; e++) add_by_z(lane, sample + SAMPLE_U, READING_COLUMN[e], slopes[e], row);
 #if N_SLOT > 0
         const lanes plain = found->y[j], factor = lane[ROLE_READS + j] + lane[ROLE_GAIN + j] * z[AT_SLOT];
         for (int e = OUT_ROW[j]; e < OUT_ROW[j + 1]; e++) row[OUT_PLACE[e]] *= factor;

@@ -33,6 +33,7 @@
 #define Filter OF_KIND(Filter)
 #define joint_to_model OF_KIND(joint_to_model)
 #define add_by_z OF_KIND(add_by_z)
+#define added_by_slot OF_KIND(added_by_slot)
 #define inputs_of OF_KIND(inputs_of)
 #define hold_states OF_KIND(hold_states)
 #define spread_states OF_KIND(spread_states)
@@ -125,6 +126,7 @@ void filter_step_one(double *lane, const double *sample, double *innovations, do
 #undef Filter
 #undef joint_to_model
 #undef add_by_z
+#undef added_by_slot
 #undef inputs_of
 #undef spread_states
 #undef spread_rest

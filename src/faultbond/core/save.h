@@ -200,7 +200,7 @@ static int is_work(const uint8_t *bytes)
     }
     if (!good || settled > SAVED(job.ended) || SAVED(job.ended) > index) return 0;
     if (kind == IDLE) return alarm < 0 || settled >= 0;
-    return alarm >= 0 && alarm <= end && oldest <= end && end - oldest < DEPTH && end < index && index <= end + SPREAD &&
+    return alarm >= 0 && alarm <= end && oldest <= end && end - oldest < DEPTH && end < index && index < oldest + N_ROWS &&
            (kind == BEGINNING) == (settled < 0) && (kind == BEGINNING) == (SAVED(job.renewals) == 0) && is_group(bytes);
 }
 

@@ -106,7 +106,11 @@ static void set_roles(int64_t k, double (*block)[GROUP], int l)
     for (int j = 0; j < N_OUTPUTS; j++) block[ROLE_READS + j][l] = block[ROLE_NOISE + j][l] = 1.0;
     for (int i = 0; i < N_INPUTS; i++) block[ROLE_OBEYS + i][l] = !(SLOT_STICKS[k] && SLOT_INPUT[k] == i);
     if (SLOT_PARAMETER[k] >= 0) block[ROLE_THETA + SLOT_PARAMETER[k]][l] = SLOT_ACTS[k];
-    if (SLOT_INPUT[k] >= 0) block[ROLE_INPUT + SLOT_INPUT[k]][l] = SLOT_ACTS[k];
+    if (SLOT_INPUT[k] >= 0) {
+        const int is_gain = SLOT_KIND[k] == KIND_GAIN; /* of what the input is in its own unit, see adds_to_reading */
+        block[ROLE_INPUT + SLOT_INPUT[k]][l] = is_gain ? -INPUT_ZERO[SLOT_INPUT[k]] : SLOT_ACTS[k];
+        block[ROLE_INPUT_GAIN + SLOT_INPUT[k]][l] = is_gain;
+    }
     if (SLOT_OUTPUT[k] >= 0) {
         const int j = SLOT_OUTPUT[k];
         block[ROLE_READS + j][l] = !(SLOT_STICKS[k] && SLOT_ACTS[k]);
@@ -153,7 +157,7 @@ static void prepare_slots(const Trail *trail, const double *healthy, int64_t n_s
 
 /* Begin lane k of the plan in a block; its likelihood is that of the healthy lane. peak: [N_INPUTS], the largest size
    of each input so far, SI. Sizes and rates are in the units that `SLOT_SIZE` has: parameters in what they are now,
-   sensors in their noise, inputs in their peak. */
+   sensors in their noise, inputs in their peak; gains have none. */
 static void begin_slot(int64_t k, const Trail *trail, const double *peak, const SlotStart *start,
                        double (*block)[GROUP], int l)
 {
@@ -161,7 +165,7 @@ static void begin_slot(int64_t k, const Trail *trail, const double *peak, const 
     const double *from = SLOT_OLD[k] ? start->old : start->wide;
     double unit = 1.0, size;
     if (parameter >= 0 && HEALTHY[parameter] != 0.0) unit = start->healthy[AT_PARAMETERS + parameter];
-    else if (input >= 0 && peak[input] != 0.0) unit = peak[input];
+    else if (input >= 0 && SLOT_KIND[k] != KIND_GAIN && peak[input] != 0.0) unit = peak[input];
     const double sd = SLOT_SIZE_SD[k] * unit, rate_sd = SLOT_RATE_SD[k] * unit / start->step;
     for (int64_t i = 0; i < WIDE_NUMBERS; i++) block[i][l] = from[i];
     set_roles(k, block, l);
@@ -295,11 +299,11 @@ static inline int64_t in_group(int64_t first, int64_t n) { return n - first < GR
    begun again by itself, a needless second suspect would bring that. */
 static inline int is_renewed(int64_t k) { return SLOT_KIND[k] != KIND_NOISE && SLOT_KIND[k] != KIND_RAMP; }
 
-/* Whether they then begin at what was found: drifts of parameters and inputs, and biases of inputs, which the plant bends. All
-   others begin as at first. */
+/* Whether they then begin at what was found: drifts of parameters and inputs, and biases and gains of inputs, which the plant
+   bends. All others begin as at first. */
 static inline int is_of_found(int64_t k)
 {
-    return SLOT_OUTPUT[k] < 0 && (SLOT_KIND[k] == KIND_DRIFT || SLOT_KIND[k] == KIND_BIAS);
+    return SLOT_OUTPUT[k] < 0 && (SLOT_KIND[k] == KIND_DRIFT || SLOT_KIND[k] == KIND_BIAS || SLOT_KIND[k] == KIND_GAIN);
 }
 
 /* Begin a group of lanes of the plan at an onset. Where they begin again, found holds their sizes and rates, as they are at the

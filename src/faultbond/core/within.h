@@ -74,15 +74,25 @@ static double odds_healthy(double off, double healthy, double faulty, double var
     return log_density(off, healthy * healthy + variance) - log_density(off, most * most + variance);
 }
 
-/* Log-odds that the bias of a sensor or an input is that of a healthy one; -inf where none was found on healthy data, and of
-   what is no bias. */
+/* Largest size of input k in its own unit, of which a gain is, SI; 0 where none was seen. */
+static double largest_shown(const Inputs *inputs, int k)
+{
+    const double size = fmax(fabs(inputs->lowest[k] - INPUT_ZERO[k]), fabs(inputs->highest[k] - INPUT_ZERO[k]));
+    return inputs->lowest[k] <= inputs->highest[k] ? size : 0.0;
+}
+
+/* Log-odds that the bias of a sensor or an input is that of a healthy one, or what a gain of an input makes of its largest value;
+   -inf where none was found on healthy data, and of what is neither. */
 static double odds_unbiased(const State *state, const Suspect *suspect)
 {
     const int k = (int)suspect->input, j = (int)suspect->output;
     const double healthy = k >= 0 ? INPUT_HEALTHY_BIAS[k] : OUTPUT_HEALTHY_BIAS[j];
-    if (suspect->word != WORD_BIAS || !(healthy > 0.0)) return -INFINITY;
-    const double faulty = k >= 0 ? INPUT_CHANGE * peak_of(&state->inputs, k) : OUTPUT_CHANGE * OUTPUT_NOISE[j];
-    return odds_healthy(fabs(suspect->estimate), healthy, faulty, suspect->sd * suspect->sd);
+    const int is_gain = k >= 0 && suspect->word == WORD_GAIN;
+    if ((suspect->word != WORD_BIAS && !is_gain) || !(healthy > 0.0)) return -INFINITY;
+    const double largest = is_gain ? largest_shown(&state->inputs, k) : k >= 0 ? peak_of(&state->inputs, k) : 0.0;
+    const double faulty = k >= 0 ? INPUT_CHANGE * largest : OUTPUT_CHANGE * OUTPUT_NOISE[j];
+    const double unit = is_gain ? largest : 1.0, sd = unit * suspect->sd;
+    return odds_healthy(unit * fabs(suspect->estimate - suspect->nominal), healthy, faulty, sd * sd);
 }
 
 /* Log-odds that the change of suspect i of n of a lane is that of a healthy one. Before a first diagnosis was accepted the change

@@ -590,6 +590,17 @@ static inline int64_t share_of(const Job *job, int64_t stage)
     return job->kind == BEGINNING && stage != SETS ? 4 : 1;
 }
 
+/* Sample at which the work may end at the latest. Samples that it needs are not kept for ever; and where the bank is to begin
+   again once more, those about the alarm are still needed then, if there is time enough for it. */
+static int64_t latest_end(const State *state)
+{
+    const Job *job = &state->job;
+    const int64_t kept = job->oldest + N_ROWS - 1, about_alarm = state->clock.alarm + DEPTH - 2;
+    if (job->kind == BEGINNING) return job->end + AWAITED;
+    if (job->renewals < N_RENEWALS && about_alarm - job->end >= SPREAD / 2 && about_alarm < kept) return about_alarm;
+    return kept;
+}
+
 /* What the work may cost now, in samples of a group of plain lanes, so that no step takes long, and the work ends in time: the
    first diagnosis waits for it, and samples that it needs are not kept for ever. */
 static int64_t portion_of(State *state, SlotMemory *memory)
@@ -597,8 +608,7 @@ static int64_t portion_of(State *state, SlotMemory *memory)
     const Job *job = &state->job;
     const double groups = (double)(BLOCKS(N_STEPS) + WIDE_COST * (BLOCKS(SWITCHED) + 2 * BLOCKS(N_PAIRS)));
     const double usual = BANK_STEPS * groups * (SAMPLE_TIME > 1.0 ? SAMPLE_TIME : 1.0);
-    const int64_t last = job->kind == BEGINNING ? job->end + AWAITED : job->oldest + N_ROWS - 1; /* it may end at */
-    const int64_t left = last - state->clock.index;
+    const int64_t left = latest_end(state) - state->clock.index;
     int64_t all = 0, done = job->group * share_of(job, job->stage);
     if (left <= 0 || !(usual < 1e15)) return INT64_MAX;
     for (int64_t stage = 0; stage < N_STAGES; stage++) {

@@ -13,7 +13,7 @@ from faultbond.analysis.capability import CapabilityView
 from faultbond.analysis.groups import Group, NearGroup
 from faultbond.analysis.input_advice import Stimulus
 from faultbond.analysis.other_roots import OtherSolutions
-from faultbond.analysis.sensitivity import BIAS
+from faultbond.analysis.sensitivity import BIAS, GAIN
 from faultbond.analysis.sensor_advice import SensorAdvice, SensorChoice
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.analysis.testable import SetVerdict
@@ -288,7 +288,9 @@ def heat_lines(graph: BondGraph, names: Collection[str]) -> list[tuple[str, str]
 
 
 def _unit_of(graph: BondGraph, name: str) -> tuple[Unit, float]:
-    """Give the unit of a parameter, or of the bias of an instrument, and its nominal value, SI."""
+    """Give the unit of a parameter, or of what is wrong with an instrument, and its nominal value, SI."""
+    if name.endswith(GAIN):
+        return Unit(""), 1.0
     if name.endswith(BIAS):
         units = {item.name: item.unit for item in graph.inputs} | {item.name: item.unit for item in graph.sensors}
         return units[name.removesuffix(BIAS)], 0.0

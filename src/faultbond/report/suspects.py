@@ -193,13 +193,16 @@ def _misreading(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
         change = change_text(suspect.nominal or 0.0, suspect.estimate, suspect.sd)
         bracket = f" (gain, {change})" if change else ""
         where = shown_in(graph, suspect.parameter, notation)
-        return f"it reads {figure(value, sd).number(notation)} times the right value{where}{bracket}"
+        times = f"{figure(value, sd).number(notation)} times"
+        if _is_input(graph, suspect):
+            return f"it acts {times} what is recorded{where}{bracket}"
+        return f"it reads {times} the right value{where}{bracket}"
     size = with_unit(abs(value), unit.text, notation, sd=sd)
     if word == FaultKind.NOISE.value:
         times = figure(suspect.estimate / (suspect.nominal or 1.0), digits=2).number(notation)
         return f"it scatters by {size}, {times} times as much as the model file says (noise)"
     high = suspect.estimate > 0.0
-    if any(item.name == suspect.component for item in graph.inputs):
+    if _is_input(graph, suspect):
         text = f"it acts {size} {'above' if high else 'below'} what is recorded"
     else:
         text = f"it reads {size} too {'high' if high else 'low'}"
@@ -211,6 +214,10 @@ def _misreading(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
         return f"{text} now, and drifts at a rate that is not known yet"
     verb = "grows" if suspect.rate * suspect.estimate > 0.0 else "shrinks"
     return f"{text} now, and this {verb} by {_rate(unit, suspect, notation)} (drift)"
+
+
+def _is_input(graph: BondGraph, suspect: Suspect) -> bool:
+    return any(item.name == suspect.component for item in graph.inputs)
 
 
 def _is_off(suspect: Suspect) -> bool:

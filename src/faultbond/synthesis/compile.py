@@ -21,14 +21,23 @@ from faultbond.errors import GenerationError
 from faultbond.io.cache import LIBRARY, Library, read_kept, write_kept
 from faultbond.synthesis.apart import shape_of, tables_of
 
-FLAGS = ("-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-std=gnu11", "-w")
-# What runs for every lane and sample; what takes longer to compile than it saves. Only in the bank sums are contracted:
-# the healthy filter gives the same digits alone and in a fleet.
-FAST, SAME = ("-O3",), ("-O3", "-ffp-contract=off")
+# No sum is contracted, as in no program that is generated, which so gives the same digits: a lane that fits nowhere may
+# make much of a last digit. It costs one part in twenty of a bank's time; see docs/decisions/017-core-in-loops.md.
+FLAGS = (
+    "-march=native",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-fPIC",
+    "-std=gnu11",
+    "-w",
+)
+# What runs for every lane and sample; what takes longer to compile than it saves.
+FAST = ("-O3",)
 # Unless asked for this, gcc below -O2 leaves wide registers half in use when it calls `exp` and the like, which then
 # take ten times as long.
 TIDY = "-fexpensive-optimizations"
-QUICK = ("-O1", TIDY, "-ffp-contract=off")
+QUICK = ("-O1", TIDY)
 WARM = ("-O2",)
 SHARED = (
     "-std=c99",
@@ -40,7 +49,7 @@ SHARED = (
     "-w",
 )
 # All in a third of the time; what runs seldom is most of the text, and is not optimised at all.
-HASTY = {WARM: ("-O1",), FAST: ("-O1", TIDY), SAME: QUICK, QUICK: ("-O0", "-ffp-contract=off")}
+HASTY = {WARM: ("-O1",), FAST: ("-O1", TIDY), QUICK: ("-O0",)}
 FLEETS = "#define FB_FLEETS\n"
 CORE = files("faultbond").joinpath("core")
 # Zig would first build a library for what a processor lacks (4 s, 47 MB); one of 64 bits lacks nothing that is used.
@@ -126,11 +135,11 @@ def compile_core(model: str, compiler: tuple[str, ...], *, fleets: bool = False)
     files = tuple(item.read_text(encoding="utf-8") for item in sorted(CORE.iterdir(), key=lambda item: item.name))
     parts = {
         "bank": ('#include "filters.c"\n', FAST),
-        "lane": ('#include "one.c"\n', SAME),
+        "lane": ('#include "one.c"\n', FAST),
         "tables": (tables_of(model), QUICK),
     }
     if fleets:
-        parts |= {"assets": ('#include "fleet.c"\n', SAME), "parts": ('#include "threads.c"\n', QUICK)}
+        parts |= {"assets": ('#include "fleet.c"\n', FAST), "parts": ('#include "threads.c"\n', QUICK)}
     rest, shape = f'{FLEETS if fleets else ""}#define FB_APART\n#include "core.c"\n', shape_of(model)
 
     def compiled_rest() -> bytes:  # most of the text, the same for models that differ in numbers
@@ -327,7 +336,7 @@ def compiler_identity(compiler: tuple[str, ...]) -> str:
     if compiler[1:2] == ("-m",):  # a package of Python
         package = find_spec(compiler[2])
         files.append(package.origin if package is not None else None)
-    found = [*compiler, *_options(FAST), *_options(SAME), *_options(QUICK)]
+    found = [*compiler, *_options(FAST), *_options(QUICK)]
     for file in files:
         with suppress(OSError):
             real = Path(file or "").resolve()

@@ -53,11 +53,13 @@ def test_a_sudden_change_is_told_by_the_store_that_keeps_its_content() -> None:
 
 
 def test_an_instrument_may_look_like_a_component() -> None:
-    """The tank's leak and an outlet valve that opens further than it says are one; the pressure's bias is another."""
+    """The tank's leak and an outlet valve that opens further than it says are one; so are K4 and that valve's gain."""
     model = example("tank")
     view = in_general(model, build_recursion(model.plant))
     found = [{view.names[k] for chosen in group.sets for k in chosen} for group in view.sudden_groups]
-    assert found == [{"K6", "u_out.bias"}]
+    assert found == [{"K4", "u_out.gain"}, {"K6", "u_out.bias"}]
+    assert view.sudden_groups[0].reason == "only K4*u_out.gain acts"
+    assert all(view.is_instrument(chosen) == ("." in view.names[chosen[0]]) for chosen in view.sudden_groups[0].sets)
 
 
 def test_where_all_explains_anything_singles_are_compared() -> None:
@@ -83,7 +85,9 @@ def test_what_only_noise_hides_is_near_not_alike() -> None:
     recursion = build_recursion(model.plant)
     view = on_record(model, recursion, recorded_runs(model, recursion, np.linspace(0.0, 7.98, 400), inputs, rest))
     assert view.judgement.rank.value == 1
-    assert view.groups == view.sudden_groups == ()
+    assert view.groups == ()
+    (still,) = view.sudden_groups  # from the change on the input does not move at all
+    assert [view.names[k] for (k,) in still.sets] == ["V.bias", "V.gain"]
     near = [{view.names[k] for chosen in group.sets for k in chosen} for group in view.near_groups]
     assert {"R", "C"} in near  # once it lasts
     assert {"R", "V.bias"} in near  # while it is new

@@ -10,12 +10,26 @@ from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recurs
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
 from faultbond.errors import StructureError
-from plants import circuit, example, run
+from plants import circuit, example, run, stated
 
 LEAK = (
     "K6: {nominal: 1.04e-5 m^3/s, change: 1000 %}",
     "K6: {nominal: 0 m^3/s, accuracy: 1e-6 m^3/s, change: 2e-5 m^3/s}",
 )
+
+ROOM = """
+name: room
+sample_time: 60 s
+inputs: {outside: {unit: degC}, heat: {unit: W}}
+components:
+  weather: {type: Se, law: e = outside}
+  heater: {type: Sf, law: f = heat}
+  wall: {type: R, parameters: {R: 20 mK/W}}
+  room: {type: C, parameters: {C: 200 kJ/K}}
+junctions: {through: 1, inside: 0}
+bonds: [weather -> through -> wall, through -> inside -> room, heater -> inside]
+sensors: {air: {reads: inside.e, unit: degC, noise: 0.1 K}, loss: {reads: through.f, unit: W, noise: 5 W}}
+"""
 
 
 def rectifier(knee: float = 1.0) -> StepModel:
@@ -46,6 +60,8 @@ def case(name: str) -> tuple[StepModel, FloatArray, FloatArray, float]:
             return example("tank", LEAK), rng.uniform(20, 90, (12, 2)), np.array([0.04]), 60.0
         case "motor":
             return example("dc_motor_current"), rng.uniform(-9, 9, (12, 1)), np.array([1.0, -2.0]), 0.3
+        case "room":
+            return stated(ROOM), rng.uniform([263.0, 100.0], [293.0, 900.0], (12, 2)), np.array([5.8e7]), 600.0
     return rectifier(), rng.uniform(-2, 5, (12, 1)), np.array([0.01]), 0.05
 
 
@@ -73,6 +89,43 @@ def test_derivatives_are_those_of_the_trajectory(name: str) -> None:
         size = np.abs(wanted).max(axis=(0, 1))
         assert size.min() > 0
         assert np.all(np.abs(mine - wanted).max(axis=(0, 1)) <= 1e-6 * size)
+
+
+@pytest.mark.parametrize("name", ["tank", "motor", "rectifier", "room"])
+@pytest.mark.parametrize("onset", [0, 5])
+def test_derivatives_by_instruments_are_those_of_what_is_recorded(name: str, onset: int) -> None:
+    """A bias of a sensor adds its noise, of an input its largest value less acts; a gain multiplies it in its unit."""
+    model, inputs, start, dt = case(name)
+    graph, (n, n_u) = model.plant.graph, inputs.shape
+    plain = run(model, inputs, dt, start)
+    experiment = Experiment(
+        start=start,
+        inputs=inputs,
+        dt=np.append(0.0, np.diff(plain.times)),
+        theta=plain.theta,
+        implicit=np.zeros(model.plant.z.numel()),
+        onset=onset,
+    )
+    (found,) = sensitivities(build_recursion(model.plant), [experiment], instruments=True)
+    assert found is not None
+    there, zeros = (np.arange(n) >= onset)[:, None], np.array([item.unit.offset for item in graph.inputs])
+    largest = np.abs(inputs).max(axis=0)
+
+    def acting(size: FloatArray) -> FloatArray:
+        bias, gain = size[:n_u], size[n_u:]
+        return run(model, inputs + there * (-bias * largest + gain * (inputs - zeros)), dt, start).y
+
+    wanted = slopes(acting, np.zeros(2 * n_u), np.ones(2 * n_u))
+    first, n_y = len(graph.parameters), len(graph.sensors)
+    kinds = [(graph.sensors, "bias"), (graph.inputs, "bias"), (graph.inputs, "gain")]
+    assert found.parameters[first:] == tuple(f"{item.name}.{word}" for of, word in kinds for item in of)
+    assert found.steps[first:].tolist() == [*(item.noise for item in graph.sensors), *largest, *np.ones(n_u)]
+    assert found.theta[first:].tolist() == [0.0] * (n_y + n_u) + [1.0] * n_u
+    shown = there[:, :, None] * np.diag([item.noise for item in graph.sensors])
+    assert found.by_theta[:, :, first : first + n_y] == pytest.approx(shown)
+    size = np.abs(wanted).max(axis=(0, 1))
+    assert size.min() > 0
+    assert np.all(np.abs(found.by_theta[:, :, first + n_y :] - wanted).max(axis=(0, 1)) <= 1e-6 * size)
 
 
 def test_steps_of_parameters() -> None:

@@ -81,7 +81,7 @@ def test_noise_makes_the_smallest_fault_larger(motor: Built) -> None:
     """Ten times the noise of the sensor: every fault must be larger to be found, or is not found."""
     noisy = built(example("dc_motor", ("noise: 0.06 rad/s", "noise: 0.6 rad/s")))
     quiet_sizes, noisy_sizes = (found(plant, within=2.0) for plant in (motor, noisy))
-    assert set(quiet_sizes) == {"R", "L", "K", "J", "C", "omega.bias", "V.bias"}
+    assert set(quiet_sizes) == {"R", "L", "K", "J", "C", "omega.bias", "V.bias", "V.gain"}
     for name, item in quiet_sizes.items():
         assert item.value is not None
         assert item.value == max(item.up or 0.0, item.down or 0.0)
@@ -155,7 +155,7 @@ def test_a_plant_that_rounding_takes_elsewhere_has_no_sizes() -> None:
 def test_what_there_is_no_time_for_is_said(motor: Built) -> None:
     """Without time every parameter is given, none with a size, each with the reason."""
     sizes = found(motor, within=2.0, seconds=0.0)
-    assert set(sizes) == {"R", "L", "K", "J", "C", "omega.bias", "V.bias"}
+    assert set(sizes) == {"R", "L", "K", "J", "C", "omega.bias", "V.bias", "V.gain"}
     assert {(item.value, item.reason) for item in sizes.values()} == {(None, "no time left; raise --budget")}
 
 
@@ -169,6 +169,19 @@ def test_instruments_have_sizes_too(motor: Built) -> None:
     assert up is not None
     assert up == pytest.approx(down, rel=0.2)
     assert sizes["V.bias"].effects[0].in_noise < up / motor[1].outputs[0].noise
+
+
+def test_the_gain_of_an_input_that_stands_still_is_its_bias(motor: Built) -> None:
+    """Of 6 V all the time, so many volts less are so many sixths less; a gain acts less where it is below 1."""
+    dt, held = 0.02, np.full((211, 1), 6.0)
+    run = simulate(motor[0].plant.graph, Inputs(time=dt * np.arange(211.0), values=held), seed=None)
+    samples = [Sample(time=t, dt=dt * (k > 0), u=run.inputs[k], y=run.outputs[k]) for k, t in enumerate(run.time)]
+    sizes = found(motor, samples=samples, parameters=["V.bias", "V.gain"], within=1.2, onsets=[3.0])
+    bias, gain = sizes["V.bias"], sizes["V.gain"]
+    assert gain.up is not None
+    assert gain.down is not None
+    assert (6.0 * gain.up, 6.0 * gain.down) == pytest.approx((bias.down, bias.up), rel=0.1)
+    assert (bias.alike, gain.alike) == (("V.gain",), ("V.bias",))
 
 
 def test_what_is_alike_at_the_smallest_size_is_named() -> None:

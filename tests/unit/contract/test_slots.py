@@ -62,7 +62,7 @@ def test_single_parameters_drift_or_come_and_go(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["dc_motor_current", "tank", "rc"])
 def test_kinds_of_an_instrument(name: str) -> None:
-    """A sensor is biased, drifts, has a wrong gain, is stuck, scatters or errs at times; an input also, but for two.
+    """A sensor is biased, drifts, has a wrong gain, is stuck, scatters or errs at times; an input does not scatter.
 
     Those of an input are rarer; what comes and goes has lanes of both, with the weight of one. A ramp that has ended
     has the weight of the drift that it was.
@@ -159,8 +159,23 @@ def test_a_parameter_is_acted_on_while_its_fault_is_there() -> None:
         if lane.parameter >= 0:
             wanted[lane.parameter] = float(lane.acts)
         assert np.array_equal(theta[:, k], wanted)
-        assert np.array_equal(role(SPEC, plan, "input")[:, k], [float(lane.input == 0 and lane.acts)])
-        assert np.array_equal(role(SPEC, plan, "obeys")[:, k], [float(not (lane.input == 0 and lane.sticks))])
+
+
+@pytest.mark.parametrize("zero", [0.0, 273.15])
+def test_roles_of_each_kind_of_fault_of_an_input(zero: float) -> None:
+    """The size adds to what acts, of a gain in what is recorded in its own unit; one that is stuck obeys no more."""
+    spec = replace(SPEC, inputs=(replace(SPEC.inputs[0], unit_offset=zero),))
+    plan, recorded, size = plan_slots(spec), zero + 3.0, 0.5
+    added, gain, obeys = (role(spec, plan, name)[0] for name in ("input", "input_gain", "obeys"))
+    for k, lane in enumerate(plan.lanes):
+        acts = recorded * (obeys[k] + gain[k] * size) + added[k] * size
+        if lane.input < 0 or not lane.acts:
+            assert acts == recorded
+        elif lane.kind is FaultKind.GAIN:
+            assert acts - zero == pytest.approx(1.5 * (recorded - zero), rel=1e-12)
+        else:
+            assert acts == (0.0 if lane.sticks else recorded) + size
+    assert {lane.kind for lane in plan.lanes if lane.input == 0} == {*INPUT_KINDS, FaultKind.RAMP}
 
 
 SENSOR_ROLES = {  # reads, gain, bias in noise, noise variance in that declared

@@ -125,6 +125,11 @@ def test_an_instrument_is_corrected(state: Diagnosed, item: SlotLane, rate: floa
     if item.input >= 0 and item.sticks:
         after["input_gain"][item.input] = 0.0
         after["input_offset"][item.input] = after["inputs.held"][item.input] = 0.3
+    elif item.kind is FaultKind.GAIN and item.input >= 0:
+        zero = SPEC.inputs[item.input].unit_offset
+        after["input_gain"][item.input] *= 1.3
+        after["input_offset"][item.input] += 0.3 * (after["input_offset"][item.input] - zero)
+        after["inputs.held"][item.input] += 0.3 * (after["inputs.held"][item.input] - zero)
     elif item.input >= 0 and item.acts:
         after["input_offset"][item.input] += 0.3
         after["inputs.held"][item.input] += 0.3

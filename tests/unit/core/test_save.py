@@ -25,7 +25,8 @@ from made import differing
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 NOT_SAVED, OTHER_FORMAT, OTHER_MODEL, DAMAGED = -1, -2, -3, -4
-IDLE, STEPS, SLOTS, RAMPS, PAIRS, CLOSER = 100, 84, 87, 88, 93, 113  # rows with no work, or work on such lanes, left
+IDLE, STEPS, SLOTS, RAMPS, PAIRS, CLOSER = 100, 84, 87, 89, 93, 113  # rows with no work, or work on such lanes, left
+LAST_KEPT = 460  # sample up to which the trail of CLOSER is kept, that begins at sample 1
 HEADER = 48  # bytes: mark, format, hash of the model
 KEPT, KEPT_ROW = Path(__file__).parents[2] / "golden" / "cell_state.gz", 100
 Bytes = NDArray[np.uint8]
@@ -261,7 +262,7 @@ def test_samples_out_of_order_are_refused(numbers: dict[str, int]) -> None:
         (STEPS, None, {"job.end": 0, "clock.alarm": 0}),
         (STEPS, None, {"job.oldest": 83}),
         (CLOSER, None, {"clock.index": 500, "job.end": 499}),  # a trail longer than what is kept
-        (CLOSER, None, {"clock.index": 241}),  # samples of the trail are no longer kept
+        (CLOSER, None, {"clock.index": LAST_KEPT + 1}),  # samples of the trail are no longer kept
         *((STEPS, None, {"job.settled": value, "job.ended": value}) for value in (0, 82)),
         (STEPS, None, {"job.renewals": 1}),
         *((CLOSER, None, {name: -1}) for name in ("job.settled", "job.ended")),
@@ -270,8 +271,8 @@ def test_samples_out_of_order_are_refused(numbers: dict[str, int]) -> None:
         (IDLE, None, {"job.settled": -1}),
         *((STEPS, None, {"job.stage": stage}) for stage in (4, 5)),
         (STEPS, 7, {"job.lane": 12}),  # a lane with a slot
-        (SLOTS, 0, {"job.lane": 52}),  # one of a pair that comes and goes
-        *((RAMPS, 0, {"job.lane": lane}) for lane in (39, 41, 52)),  # one that begins alone, comes to stay, or goes
+        (SLOTS, 0, {"job.lane": 54}),  # one of a pair that comes and goes
+        *((RAMPS, 0, {"job.lane": lane}) for lane in (41, 43, 54)),  # one that begins alone, comes to stay, or goes
         (PAIRS, None, {"job.pass": 1}),
         *((STEPS, None, {"job.search.n": n}) for n in (0, 2)),
         (STEPS, None, {"job.search.standing": 0}),
@@ -299,6 +300,7 @@ def test_samples_at_the_edge_of_order_are_taken() -> None:
     assert refused(forged(course().saved[150], edge)) == 0
     gathering = {"clock.index": 301, "clock.begun": 1, "clock.running": 0, "clock.alarm": -1}
     assert refused(forged(course().saved[150], gathering)) == 0
+    assert refused(forged(course().saved[CLOSER], {"clock.index": LAST_KEPT})) == 0  # slow work on a short trail
 
 
 def test_the_time_of_a_kept_sample_is_a_number() -> None:

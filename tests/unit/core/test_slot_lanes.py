@@ -42,15 +42,18 @@ slow_error: {first.f: 1 % over 20 s}
 GRAPH = parse_model(CELL)
 PLANT = build_plant(GRAPH)
 STATED = build_spec(build_step_model(PLANT))
-ZEROS = (0.03, -0.2)  # where the unit of each sensor has its 0, SI
+ZEROS, INPUT_ZEROS = (0.03, -0.2), (0.4, -0.1)  # where the unit of each sensor and input has its 0, SI
 SPEC = replace(
-    STATED, outputs=tuple(replace(item, unit_offset=zero) for item, zero in zip(STATED.outputs, ZEROS, strict=True))
+    STATED,
+    outputs=tuple(replace(item, unit_offset=zero) for item, zero in zip(STATED.outputs, ZEROS, strict=True)),
+    inputs=tuple(replace(item, unit_offset=zero) for item, zero in zip(STATED.inputs, INPUT_ZEROS, strict=True)),
 )
 WIDE, PLAN = SPEC.slotted, plan_slots(SPEC)
 RAMPED, SWITCHED = PLAN.ramped, PLAN.switched
 N, SIZE, RATE = PLAN.n_lanes, WIDE.slot_slice.start, WIDE.slot_slice.start + 1
 ENDED, TOOK, RETURNS = (WIDE.role_fields[name].start for name in ("ended", "took", "returns"))
 SHARED = [k for k in range(WIDE.n_joint) if k not in (SIZE, RATE)]  # of a wide z, what a plain one holds too
+OF_FOUND = (FaultKind.DRIFT, FaultKind.BIAS, FaultKind.GAIN)  # of no sensor: they begin again from what they have found
 PEAK = np.array([6.0, 0.0])  # of each input; one that was always zero counts as 1
 GROUP = int(core_settings()["GROUP"])  # lanes that stand side by side
 CALLS = """
@@ -209,7 +212,11 @@ def begun(k: int, place: int, n_seen: int, of: tuple[FloatArray, FloatArray], ol
     z, full = lanes[place, : SPEC.n_joint].copy(), unpack(SPEC, lanes[place, SPEC.covariance_slice])
     z[slow], full[slow], full[:, slow] = 0.0, 0.0, 0.0
     full[slow, slow] = 0.01**2
-    unit = z[own][item.parameter] if item.parameter == 0 else ([6.0, 1.0][item.input] if item.input >= 0 else 1.0)
+    is_gain, unit = item.kind is FaultKind.GAIN, 1.0
+    if item.parameter == 0:
+        unit = z[own][item.parameter]
+    elif item.input >= 0 and not is_gain:
+        unit = [6.0, 1.0][item.input]
     if item.old and old is not None:
         z[own], full[own], full[:, own] = old[own], 0.0, 0.0
         full[own, own] = unpack(SPEC, old[SPEC.covariance_slice])[own, own]
@@ -223,10 +230,12 @@ def begun(k: int, place: int, n_seen: int, of: tuple[FloatArray, FloatArray], ol
         role["theta"][item.parameter] = item.acts
     if item.input >= 0:
         role["input"][item.input], role["obeys"][item.input] = item.acts, not item.sticks
+        if is_gain:
+            role["input"][item.input], role["input_gain"][item.input] = -SPEC.inputs[item.input].unit_offset, 1.0
         lane[SIZE] = samples[n_seen - 1, SPEC.sample_fields["u"]][item.input] if item.sticks else lane[SIZE]
     if item.output >= 0:
         j, noise = item.output, SPEC.outputs[item.output].noise
-        role["noise"][j], role["gain"][j] = item.noise, item.kind is FaultKind.GAIN
+        role["noise"][j], role["gain"][j] = item.noise, is_gain
         role["reads"][j] = not (item.sticks and item.acts)
         role["bias"][j] = noise * (item.acts and item.kind not in (FaultKind.GAIN, FaultKind.NOISE))
         role["bias"][j] -= SPEC.outputs[j].unit_offset * role["gain"][j]
@@ -395,7 +404,7 @@ def test_a_lane_that_is_no_number_spoils_no_other(core: Core) -> None:
 
 @pytest.mark.parametrize("likelier", [False, True])
 def test_what_may_be_in_a_couple_begins_again(core: Core, likelier: bool) -> None:
-    """Of drifts and biases of inputs the least likely lane of each becomes one that begins with what was found.
+    """Of drifts, and biases and gains of inputs, the least likely lane becomes one that begins with what was found.
 
     That is size and rate of the likeliest. Of all other kinds the likeliest begins as at first. Either is kept if it is
     likelier. Pairs of what moves and what has come to stay begin as they did first, where they are then likelier.
@@ -429,7 +438,7 @@ def test_what_may_be_in_a_couple_begins_again(core: Core, likelier: bool) -> Non
     for group in groups.values():
         likelihood = np.nan_to_num(lanes[-1, group], nan=-np.inf)
         best, worst = group[int(np.argmax(likelihood))], group[int(np.argmin(likelihood))]
-        of_found = PLAN.lanes[best].output < 0 and PLAN.lanes[best].kind in (FaultKind.DRIFT, FaultKind.BIAS)
+        of_found = PLAN.lanes[best].output < 0 and PLAN.lanes[best].kind in OF_FOUND
         if not of_found:
             group[:] = [best]
             worst = best

@@ -209,6 +209,22 @@ def test_a_bias_as_on_healthy_data_is_no_fault(parts: float, is_output: bool) ->
     assert (right < 0.1) == (parts == 4.0)
 
 
+ZERO = 0.5  # V, of the unit of the input
+
+
+@pytest.mark.parametrize("parts", [0.0, 1.0, 2.0, 4.0])
+def test_a_gain_that_makes_no_more_than_a_healthy_bias_is_no_fault(parts: float) -> None:
+    """Of an input, by what it makes of the largest value that was seen, in its own unit."""
+    spec = replace(BIASED, inputs=tuple(replace(item, unit_offset=ZERO) for item in BIASED.inputs))
+    state, lane = seen_inputs(diagnosed(spec)), slot_of(kind=FaultKind.GAIN, input=0)
+    state.only(state.n_steps + lane)
+    numbers, sd, largest = state.lane("slot", lane), 0.1 * OFF, PEAK - ZERO
+    numbers[SIZE], numbers[covariance_place(WIDE, SIZE, SIZE)] = parts * OFF / largest, (sd / largest) ** 2
+    right = part_unbiased(parts * OFF, sd, INPUT_BIASES[-1] * largest)
+    assert told(state)[0] == pytest.approx(right, rel=1e-6)
+    assert (right > 0.5) == (parts <= 2.0)
+
+
 def test_what_is_stuck_scatters_or_has_a_wrong_gain_has_no_healthy_bias() -> None:
     """Where a sensor is stuck its value is no bias, whatever it is."""
     for kind in (FaultKind.STUCK, FaultKind.GAIN, FaultKind.NOISE):

@@ -11,6 +11,7 @@ from faultbond.contract.core_settings import core_settings
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.samples import Sample
 from faultbond.contract.slots import plan_slots
+from faultbond.contract.spec import Thresholds
 from faultbond.model.text import parse_model
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, simulate
@@ -23,6 +24,7 @@ BEGINNING, RENEWING, RENEWING_ALL = 1, 2, 3
 NAME, FAULT = "dc_motor_current", Fault(parameter="K", factor=0.6, start=2.4)
 ROWS = 460
 SETTINGS = core_settings()
+DEPTH = Thresholds().history_samples + 2
 AWAITED, SPREAD = int(SETTINGS["AWAITED"]), int(SETTINGS["SPREAD"])
 RENEWALS = [int(SETTINGS[f"{name}_RENEWAL"]) for name in ("FIRST", "SECOND", "LAST")]
 CALLS = """
@@ -32,6 +34,16 @@ void t_portion(State *state, double *found)
 {
     found[0] = (double)portion_of(state, &work.bank.slots);
     found[1] = (double)(TO_BEGIN * 2 * WIDE_COST);
+}
+/* When work may end at the latest: the first of [which renewal, the end of its trail, the alarm]. */
+void t_latest(State *state, double *told)
+{
+    state->job.kind = RENEWING;
+    state->job.renewals = (int64_t)told[0];
+    state->job.end = (int64_t)told[1];
+    state->job.oldest = state->job.end - DEPTH + 1;
+    state->clock.alarm = (int64_t)told[2];
+    told[0] = (double)latest_end(state);
 }
 """
 
@@ -135,6 +147,24 @@ def test_no_sample_works_for_more_than_its_portion() -> None:
         assert spent >= found[0] or not kind(after)
         asked += 1
     assert asked > 20
+
+
+@pytest.mark.parametrize(
+    ("which", "end", "latest"),
+    [
+        (1, 96, 96 + SPREAD),
+        (2, 96 + SPREAD, DEPTH - 2),
+        (2, DEPTH - 2 - SPREAD // 2, DEPTH - 2),
+        (2, DEPTH - 1 - SPREAD // 2, DEPTH - 1 + SPREAD // 2),  # too late to hurry
+        (3, 96 + SPREAD, 96 + 2 * SPREAD),
+    ],
+)
+def test_slow_work_leaves_the_next_its_samples(which: int, end: int, latest: int) -> None:
+    """It ends while its samples are kept, and those about the alarm, if the bank is to begin again after it."""
+    told = np.array([which, 1000.0 + end, 1000.0])
+    portions().restore(whole()[alarm()].save())
+    portions().call("t_latest", told)
+    assert told[0] == 1000 + latest
 
 
 def test_a_plant_that_is_sampled_slowly_is_diagnosed_at_its_alarm() -> None:

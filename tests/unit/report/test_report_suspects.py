@@ -33,6 +33,7 @@ def limit(time: float | None, earliest: float | None, latest: float | None, valu
         (wrong("pressure.bias", 0.0, -100.0, 60.0), FaultKind.BIAS, "its bias may still be 0"),
         (wrong("flow.gain", 1.0, 1.1, 0.005), FaultKind.GAIN, "it reads 1.100 times the right value (gain, +10.0 %)"),
         (wrong("flow.gain", 1.0, 1.1, 0.1), FaultKind.GAIN, "its gain may still be right"),
+        (wrong("u_in.gain", 1.0, 1.25, 0.005), FaultKind.GAIN, "it acts 1.250 times what is recorded (gain, +25 %)"),
         (wrong("pressure.stuck", None, 9115.0, 4.0), FaultKind.STUCK, "it is stuck at 9.115 kPa"),
         (
             wrong("pressure.noise", 180.0, 540.0, 50.0),

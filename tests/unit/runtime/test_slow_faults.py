@@ -1,6 +1,7 @@
 """Faults that the healthy filter has learned from the first sample on: alarms by how far a parameter walks."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,6 +13,7 @@ from faultbond.model.text import parse_model
 from faultbond.runtime.core import Core
 from faultbond.runtime.fleet import Fleet
 from faultbond.runtime.monitor import Monitor
+from faultbond.runtime.names import find_hypothesis
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.compile import find_compiler
 from faultbond.synthesis.engine import build_engine
@@ -53,6 +55,31 @@ def test_a_fault_from_the_first_sample_is_found_and_named(seed: int) -> None:
     suspect = best.suspects[0]
     assert suspect.nominal is not None
     assert suspect.estimate / suspect.nominal == pytest.approx(1.3, abs=0.1)
+
+
+def test_what_was_not_repaired_is_found_again() -> None:
+    """An inertia that is called repaired is judged anew from then on, as from the first sample."""
+    seed = 11  # of which no sum alarms first
+    monitor, alarm = watched(1.3, seed)
+    assert alarm is not None
+    began = motor(1.3, seed)[-1].time
+    monitor.accept(find_hypothesis(monitor.spec, ["J"]), repaired=True)
+    later = [replace(item, time=item.time + ROWS * 0.02) for item in motor(1.3, seed)]
+    again = next((found for item in later if (found := monitor.step(item).detection) is not None), None)
+    assert again is not None
+    assert again.walk is not None
+    assert (again.walk.parameter, again.walk.from_start, again.change_time) == ("J", True, began)
+
+
+@pytest.mark.parametrize("seed", [11, 12])
+def test_what_was_accepted_is_judged_by_what_was_found(seed: int) -> None:
+    """A plant that stays as it was accepted is quiet, though it is far from what the model file says."""
+    monitor, alarm = watched(1.3, seed)
+    assert alarm is not None
+    monitor.accept(find_hypothesis(monitor.spec, ["J"]))
+    monitor.resume()  # the plant was elsewhere meanwhile
+    later = [replace(item, time=item.time + ROWS * 0.02) for item in motor(1.3, seed)]
+    assert all(monitor.step(item).detection is None for item in later)
 
 
 @cache
