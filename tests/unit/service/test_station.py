@@ -8,20 +8,23 @@ import pytest
 
 from faultbond.errors import FaultbondError, SourceError, StoreError
 from faultbond.io.row_block import RowBlock
+from faultbond.service.asset import Asset
 from faultbond.service.contract.face import Request, Shown
 from faultbond.service.contract.messages import Action, Arrivals
 from faultbond.service.contract.source import LiveSource, Subscriber
 from faultbond.service.contract.store import Commit
 from faultbond.service.site import Site, SiteAsset
 from faultbond.service.station import Service
+from faultbond.service.supervisor import RestartPolicy
 from loop_asset import FOUND, plant, rows
 from memory_store import MemoryStore
 
 TIMEOUT = 60.0
+QUICK = RestartPolicy(most=3, delay=0.01, longest=0.02)
 
 
 class Clock:
-    """Unix seconds that a test sets."""
+    """Seconds that a test sets."""
 
     def __init__(self) -> None:
         self.now = 1000.0
@@ -31,12 +34,23 @@ class Clock:
 
 
 class PlayedSource:
-    """Gives portions of rows from its cursor on. lost_at: where it is lost, once. ends: lets it end."""
+    """Gives portions of rows from its cursor on. lost_at: where it is lost, so many times. ends: lets it end."""
 
     address = "played:"
 
-    def __init__(self, clock: Clock, portion: int = 50, last: int = FOUND, lost_at: int | None = None) -> None:
-        self.clock, self.portion, self.last, self.lost_at = clock, portion, last, lost_at
+    def __init__(
+        self,
+        clock: Clock,
+        subscribers: Sequence[Subscriber],
+        *,
+        portion: int = 50,
+        last: int = FOUND,
+        lost_at: int | None = None,
+        loss: Exception | None = None,
+        losses: int = 1,
+    ) -> None:
+        self.clock, self.subscribers, self.portion, self.last = clock, subscribers, portion, last
+        self.lost_at, self.loss, self.losses = lost_at, loss or SourceError("played: is gone"), losses
         self.begun: list[str] = []
         self.ends = asyncio.Event()
 
@@ -45,12 +59,15 @@ class PlayedSource:
         first = int(cursors.get("loop") or 0)
         self.begun.append(str(first))
         while first < self.last:
-            if self.lost_at is not None and first >= self.lost_at:
-                self.lost_at = None
-                raise SourceError("played: is gone")
+            if self.lost_at is not None and first >= self.lost_at and self.losses:
+                self.losses -= 1
+                raise self.loss
             last = min(first + self.portion, self.last)
             some: RowBlock = rows().part(slice(first, last))
-            yield Arrivals(asset="loop", rows=some, arrived=self.clock(), cursor=str(last), counts={"dropped": 1})
+            for item in self.subscribers:
+                yield Arrivals(
+                    asset=item.asset, rows=some, arrived=self.clock(), cursor=str(last), counts={"dropped": 1}
+                )
             first = last
         await self.ends.wait()
 
@@ -70,21 +87,30 @@ class FailingStore(MemoryStore):
 class Played:
     """A service that watches the loop in a test."""
 
-    def __init__(self, store: MemoryStore | None = None, **source: Any) -> None:
-        self.clock, self.store = Clock(), store or MemoryStore()
-        self.source = PlayedSource(self.clock, **source)
-        site = Site(name="hall", assets=(SiteAsset(name="loop", plant=plant(), source="played:"),))
-        self.service = Service(site, self.store, self._opened, clock=self.clock)
+    def __init__(
+        self,
+        store: MemoryStore | None = None,
+        *,
+        assets: Sequence[str] = ("loop",),
+        hear: Callable[[object], None] | None = None,
+        **source: Any,
+    ) -> None:
+        self.clock, self.steady, self.store = Clock(), Clock(), store or MemoryStore()
+        self._said, self.source = source, PlayedSource(self.clock, ())
+        listed = tuple(SiteAsset(name=name, plant=plant(), source="played:") for name in assets)
+        site = Site(name="hall", assets=listed)
+        self.service = Service(
+            site, self.store, self._opened, hear=hear, clock=self.clock, steady=self.steady, policy=QUICK
+        )
 
     def _opened(self, address: str, subscribers: Sequence[Subscriber]) -> LiveSource:
-        assert [item.asset for item in subscribers] == ["loop"]
+        self.source = PlayedSource(self.clock, subscribers, **self._said)
         return self.source
 
     @property
     def summary(self) -> Shown:
         """The summary of the loop."""
-        (found,) = self.service.site()["assets"]
-        return dict(found)
+        return dict(self.service.site()["assets"][0])
 
     async def until(self, is_so: Callable[[], bool]) -> None:
         """Wait for something."""
@@ -193,9 +219,9 @@ def test_no_data_is_never_normal() -> None:
         assert (played.summary["monitoring"], played.summary["status"]) == ("no data", "CHECK_FUNCTION")
         await played.until(lambda: played.passed(600))
         assert (played.summary["monitoring"], played.summary["status"]) == ("running", "NORMAL")
-        played.clock.now += 9.9
+        played.steady.now += 9.9
         assert played.summary["monitoring"] == "running"
-        played.clock.now += 0.2
+        played.steady.now += 0.2
         assert (played.summary["monitoring"], played.summary["status"]) == ("no data", "CHECK_FUNCTION")
         assert played.summary["headline"].startswith("No data for 10 s.")
 
@@ -270,20 +296,116 @@ def test_a_report_and_curves_of_what_was_seen() -> None:
     play(Played(), course)
 
 
-def test_what_is_not_foreseen_ends_the_service_with_what_it_was() -> None:
-    """Not with a group of errors that says nothing; what was taken until then is kept."""
-    store = MemoryStore()
+def test_a_source_that_fails_unforeseen_is_begun_anew_behind_what_came(caplog: pytest.LogCaptureFixture) -> None:
+    """Nothing is there twice or missing, and the log has the traceback."""
+    played = Played(lost_at=500, loss=ZeroDivisionError("by nothing"))
 
-    played = Played(store, last=300)
-    played.source.ends.set()
-    played.service._tick = broken  # type: ignore[method-assign]
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(FOUND))
+        part = played.service.health()["parts"]["played:"]
+        assert (part["ok"], part["restarts"]) == (True, 1)
+        assert played.source.begun == ["0", "500"]
+
+    play(played, course)
+    (log,) = played.store.logs.values()
+    assert len(log.rows) == FOUND
+    (failed,) = [record for record in caplog.records if record.exc_info]
+    assert failed.getMessage() == "played: failed unforeseen (ZeroDivisionError: by nothing) and is begun anew."
+
+
+def test_a_source_that_fails_too_often_is_given_up() -> None:
+    """Its assets are not judged any more, and say why; what was seen stays there, and people go on deciding."""
+    played = Played(lost_at=FOUND, loss=ZeroDivisionError("by nothing"), losses=99, last=FOUND + 1)
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: bool(played.service.health()["parts"]["played:"]["given_up"]))
+        health = played.service.health()
+        assert (health["ok"], health["parts"]["played:"]["restarts"]) == (False, QUICK.most)
+        shown = played.summary
+        assert (shown["status"], shown["monitoring"], shown["samples"]) == ("CHECK_FUNCTION", "stopped", FOUND)
+        assert shown["headline"].startswith(
+            "Not watched: played: failed unforeseen (ZeroDivisionError: by nothing) and is given up; restart the "
+            "service once it is mended. Alarm at "
+        )
+        assert (await played.do(Action.ACKNOWLEDGE))["who"] == "anna"
+        assert len(played.source.begun) == QUICK.most + 1
+
+    play(played, course)
+
+
+class PoisonError(Exception):
+    """What no asset foresees."""
+
+
+def test_an_asset_that_fails_unforeseen_is_given_up_and_the_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its log ends before what it failed at, so that a mended faultbond goes on from there."""
+    take = Asset.take
+
+    def poisoned(asset: Asset, rows: RowBlock) -> Any:
+        if asset.name == "loop" and asset.counts.samples > 300:
+            raise PoisonError("at a row")
+        return take(asset, rows)
+
+    store = MemoryStore()
+    with monkeypatch.context() as patched:
+        patched.setattr(Asset, "take", poisoned)
+
+        async def course(played: Played) -> None:
+            await played.until(lambda: played.service.site()["assets"][1]["samples"] >= FOUND)
+            loop, other = played.service.site()["assets"]
+            assert (loop["status"], loop["monitoring"]) == ("CHECK_FUNCTION", "stopped")
+            assert loop["headline"].startswith("Not watched: asset loop failed unforeseen (PoisonError: at a row)")
+            assert (other["status"], other["monitoring"]) == ("FAILURE", "running")
+            health = played.service.health()
+            assert [name for name, part in health["parts"].items() if not part["ok"]] == ["asset loop"]
+            counts = played.service.asset("loop")["counts"]
+            assert counts["samples"] + counts["dropped"] == FOUND + FOUND // 50  # one of each portion by its source
+            with pytest.raises(FaultbondError, match="loop: it failed and is not watched"):
+                await played.do(Action.SUPPRESS)
+
+        play(Played(store, assets=("loop", "other")), course)
+    assert {asset: len(log.rows) for (asset, _), log in store.logs.items()} == {"loop": 350, "other": FOUND}
+
+    async def mended(played: Played) -> None:
+        await played.until(lambda: played.passed(FOUND))
+        assert played.summary["status"] == "FAILURE"
+
+    play(Played(store, assets=("loop", "other")), mended)
+
+
+def test_what_cannot_be_told_does_not_end_the_watch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A defect of what the page shows is no reason to stop looking at the plant."""
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("faultbond.service.site_view.curves_of", broken)
+
+    async def course(played: Played) -> None:
+        async def listens() -> None:
+            async for _ in played.service.listen():
+                pass
+
+        listening = asyncio.create_task(listens())
+        await played.until(lambda: played.passed(FOUND))
+        await played.until(lambda: not played.service.health()["parts"]["page"]["ok"])
+        assert played.summary["status"] == "FAILURE"
+        listening.cancel()
+
+    play(Played(), course)
+
+
+def test_what_cannot_be_begun_anew_ends_the_service_with_what_it_was() -> None:
+    """Not with a group of errors that says nothing; what was taken until then is kept."""
+
+    def broken(done: object) -> None:
+        if played.summary["samples"] >= 300:
+            raise ZeroDivisionError
+
+    store = MemoryStore()
+    played = Played(store, hear=broken)
     with pytest.raises(ZeroDivisionError):
         asyncio.run(asyncio.wait_for(played.service.run(), TIMEOUT))
     (log,) = store.logs.values()
-    assert log.checkpoints[-1].checkpoint_rows == len(log.rows) > 0
-
-
-async def broken() -> None:
-    """Fail once something has come."""
-    await asyncio.sleep(0.5)
-    raise ZeroDivisionError
+    assert log.checkpoints[-1].checkpoint_rows == len(log.rows) >= 300
+    assert played.summary["monitoring"] == "stopped"
