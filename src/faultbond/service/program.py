@@ -21,6 +21,7 @@ from faultbond.service.site_log import Done
 from faultbond.service.sources.opening import open_source
 from faultbond.service.station import Service
 from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.systemd import ServiceManager, Told, reassure
 from faultbond.service.web.security import Guard, LocalGuard, LoginGuard, Role, hashed
 from faultbond.service.web.shield import LOOPBACK
 
@@ -115,7 +116,8 @@ async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
     """Run service and page; gives the signal that ended it."""
     from faultbond.service.web.application import application  # noqa: PLC0415 - needs fastapi
 
-    door = _bound(site)
+    manager, door = ServiceManager(), _bound(site)
+    manager.tell(status="reads its store")
     store = SqliteStore(Path(site.store), tell=out.warn)
     try:
         service = Service(
@@ -136,9 +138,12 @@ async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
             watching = asyncio.create_task(service.run())
             showing = asyncio.create_task(server.serve(sockets=[door]))
             ended = asyncio.create_task(stopped.wait())
+            alive = asyncio.create_task(reassure(manager, lambda: service.is_alive, lambda: _status(service)))
+            manager.tell(Told.READY)
             await asyncio.wait((watching, showing, ended), return_when=asyncio.FIRST_COMPLETED)
-            ended.cancel()
-            watching.cancel()
+            manager.tell(Told.STOPPING, status="keeps its assets as they stand")
+            for task in (ended, alive, watching):
+                task.cancel()
             with suppress(asyncio.CancelledError):
                 await watching
             page.state.broadcast.close()
@@ -147,6 +152,13 @@ async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
         return stopped.number
     finally:
         store.close()
+
+
+def _status(service: Service) -> str:
+    """Say how a service is, in a line."""
+    parts = service.health()["parts"]
+    troubles = [f"{name}: {part['trouble']}" for name, part in parts.items() if not part["ok"]]
+    return "; ".join(troubles) or "all parts work"
 
 
 def _guard(site: Site) -> Guard:

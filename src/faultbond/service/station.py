@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 from faultbond.errors import SourceError, StoreError
+from faultbond.report.numbers import duration_text
 from faultbond.service.contract.face import Request, Shown
 from faultbond.service.contract.messages import Action, Arrivals, Deed
 from faultbond.service.contract.source import LiveSource, Subscriber
@@ -19,7 +20,7 @@ from faultbond.service.hub import Hub
 from faultbond.service.site import Site
 from faultbond.service.site_log import AssetPlan, Done, SiteLog
 from faultbond.service.site_view import SiteView
-from faultbond.service.supervisor import ServicePart, RestartPolicy, supervise
+from faultbond.service.supervisor import RestartPolicy, ServicePart, supervise
 
 MOST_WAITING = 1000  # arrivals and deeds between the sources and the worker; more wait in the sources
 MOST_TOGETHER = 200  # of them that make one transaction
@@ -27,6 +28,7 @@ TICK = 1.0  # s between two looks at who has gone silent
 FORGET_EVERY = 600.0  # s between two looks at what is too old
 FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0  # s before a source that was lost is opened again
 RETRY = 1.0  # s before the store is tried again
+LONGEST_STEP = 30.0  # s that the worker may be at one step, before it is taken for stuck
 SETTLING = 0.05  # s between two looks at whether what came of a source is in the store
 
 Open = Callable[[str, Sequence[Subscriber]], LiveSource]
@@ -92,6 +94,7 @@ class Service:
         parts = {name: (feed.part, self._assets[name]) for name, feed in self._fed.items()}
         self._view = SiteView(site, self._log, store, self._lock, clock, steady, parts)
         self._kept, self._telling = (ServicePart(name=name, since=clock()) for name in ("store", "page"))
+        self._answered = steady()  # when the worker was seen at work or idle
         self._policy = policy or RestartPolicy()
         self._hub = Hub()
         self._inbox: asyncio.Queue[Arrivals | _Wish] = asyncio.Queue(MOST_WAITING)
@@ -109,6 +112,7 @@ class Service:
                     for feed in self._feeds:
                         tasks.create_task(self._supervised(partial(self._pump, feed), feed.part))
                     tasks.create_task(self._work(worker))
+                    tasks.create_task(self._look(worker))
                     tasks.create_task(self._supervised(self._tick, self._telling))
             except ExceptionGroup as failed:
                 raise failed.exceptions[0] from failed
@@ -117,6 +121,11 @@ class Service:
                 self._hub.close()
                 with self._lock:
                     self._log.close()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the worker answers; one that is stuck needs another process."""
+        return self._steady() - self._answered < LONGEST_STEP
 
     # What the page asks: see `face.Face`.
 
@@ -145,7 +154,7 @@ class Service:
     def health(self) -> Mapping[str, Any]:
         """Tell which parts work."""
         failed = [part for part in self._assets.values() if part.is_given_up]
-        parts = (*(feed.part for feed in self._feeds), self._kept, self._telling, *failed)
+        parts = (*(feed.part for feed in self._feeds), self._working(), self._kept, self._telling, *failed)
         shown = {part.name: part.shown() for part in parts}
         return {"ok": all(part["ok"] for part in shown.values()) and not self._view.is_stopped, "parts": shown}
 
@@ -236,6 +245,19 @@ class Service:
             return
         for name, content in news:
             self._hub.publish(name, content)
+
+    async def _look(self, worker: ThreadPoolExecutor) -> None:
+        """See again and again that the worker answers."""
+        while True:
+            await asyncio.get_running_loop().run_in_executor(worker, int)
+            self._answered = self._steady()
+            await asyncio.sleep(TICK)
+
+    def _working(self) -> ServicePart:
+        """Give how the worker stands."""
+        silence = self._steady() - self._answered
+        trouble = "" if self.is_alive else f"it has been at one step for {duration_text(silence, digits=2)}"
+        return ServicePart(name="worker", since=self._clock() - silence, trouble=trouble)
 
     async def _gathered(self) -> list[Arrivals | _Wish]:
         """Wait for an item, and give it with all that have come besides."""

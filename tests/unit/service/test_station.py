@@ -1,75 +1,20 @@
 """The service at work: sources that fail and come back, a store that does, people, and who listens."""
 
 import asyncio
-from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
 
-from faultbond.errors import FaultbondError, SourceError, StoreError
+from faultbond.errors import FaultbondError, StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.asset import Asset
-from faultbond.service.contract.face import Request, Shown
-from faultbond.service.contract.messages import Action, Arrivals
-from faultbond.service.contract.source import LiveSource, Subscriber
+from faultbond.service.contract.face import Request
+from faultbond.service.contract.messages import Action
 from faultbond.service.contract.store import Commit
-from faultbond.service.site import Site, SiteAsset
-from faultbond.service.station import Service
-from faultbond.service.supervisor import RestartPolicy
-from loop_asset import FOUND, plant, rows
+from loop_asset import FOUND
 from memory_store import MemoryStore
-
-TIMEOUT = 60.0
-QUICK = RestartPolicy(most=3, delay=0.01, longest=0.02)
-
-
-class Clock:
-    """Seconds that a test sets."""
-
-    def __init__(self) -> None:
-        self.now = 1000.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-class PlayedSource:
-    """Gives portions of rows from its cursor on. lost_at: where it is lost, so many times. ends: lets it end."""
-
-    address = "played:"
-
-    def __init__(
-        self,
-        clock: Clock,
-        subscribers: Sequence[Subscriber],
-        *,
-        portion: int = 50,
-        last: int = FOUND,
-        lost_at: int | None = None,
-        loss: Exception | None = None,
-        losses: int = 1,
-    ) -> None:
-        self.clock, self.subscribers, self.portion, self.last = clock, subscribers, portion, last
-        self.lost_at, self.loss, self.losses = lost_at, loss or SourceError("played: is gone"), losses
-        self.begun: list[str] = []
-        self.ends = asyncio.Event()
-
-    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncGenerator[Arrivals, None]:
-        """See `LiveSource`."""
-        first = int(cursors.get("loop") or 0)
-        self.begun.append(str(first))
-        while first < self.last:
-            if self.lost_at is not None and first >= self.lost_at and self.losses:
-                self.losses -= 1
-                raise self.loss
-            last = min(first + self.portion, self.last)
-            some: RowBlock = rows().part(slice(first, last))
-            for item in self.subscribers:
-                yield Arrivals(
-                    asset=item.asset, rows=some, arrived=self.clock(), cursor=str(last), counts={"dropped": 1}
-                )
-            first = last
-        await self.ends.wait()
+from played import QUICK, TIMEOUT, Played, play
 
 
 class FailingStore(MemoryStore):
@@ -82,63 +27,6 @@ class FailingStore(MemoryStore):
             self.failures -= 1
             raise StoreError("kept.sqlite: the disk is full.")
         super().commit(parts)
-
-
-class Played:
-    """A service that watches the loop in a test."""
-
-    def __init__(
-        self,
-        store: MemoryStore | None = None,
-        *,
-        assets: Sequence[str] = ("loop",),
-        hear: Callable[[object], None] | None = None,
-        **source: Any,
-    ) -> None:
-        self.clock, self.steady, self.store = Clock(), Clock(), store or MemoryStore()
-        self._said, self.source = source, PlayedSource(self.clock, ())
-        listed = tuple(SiteAsset(name=name, plant=plant(), source="played:") for name in assets)
-        site = Site(name="hall", assets=listed)
-        self.service = Service(
-            site, self.store, self._opened, hear=hear, clock=self.clock, steady=self.steady, policy=QUICK
-        )
-
-    def _opened(self, address: str, subscribers: Sequence[Subscriber]) -> LiveSource:
-        self.source = PlayedSource(self.clock, subscribers, **self._said)
-        return self.source
-
-    @property
-    def summary(self) -> Shown:
-        """The summary of the loop."""
-        return dict(self.service.site()["assets"][0])
-
-    async def until(self, is_so: Callable[[], bool]) -> None:
-        """Wait for something."""
-        while not is_so():
-            await asyncio.sleep(0.01)
-
-    def passed(self, n: int) -> bool:
-        """Whether so many samples have passed."""
-        return int(self.summary["samples"]) >= n
-
-    async def do(self, action: Action, *target: str, minutes: float | None = None) -> Shown:
-        """Do something as Anna."""
-        wish = Request(asset="loop", action=action, who="anna", comment="so", target=target, minutes=minutes)
-        return await self.service.do(wish)
-
-
-def play(played: Played, course: Callable[[Played], Awaitable[None]]) -> None:
-    """Run a service beside what a test does with it, and stop it then."""
-
-    async def all_of_it() -> None:
-        running = asyncio.create_task(played.service.run())
-        doing = asyncio.ensure_future(course(played))
-        await asyncio.wait((running, doing), return_when=asyncio.FIRST_COMPLETED)
-        running.cancel()
-        await asyncio.gather(running, return_exceptions=True)
-        await doing
-
-    asyncio.run(asyncio.wait_for(all_of_it(), TIMEOUT))
 
 
 def test_an_alarm_is_shown_acknowledged_and_accepted() -> None:
