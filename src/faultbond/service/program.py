@@ -2,12 +2,10 @@
 
 import asyncio
 import signal
-import socket
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from getpass import getpass
-from ipaddress import ip_address
 from pathlib import Path
 from types import ModuleType
 
@@ -15,7 +13,9 @@ from faultbond.app.signals import STOPPING, Stopped
 from faultbond.contract.json_records import Record
 from faultbond.errors import FaultbondError
 from faultbond.io.out import Out
+from faultbond.report.numbers import clock_text
 from faultbond.service.contract.source import Subscriber
+from faultbond.service.door import Certificate, bound, read_certificate, refuse_open_door
 from faultbond.service.site import Site
 from faultbond.service.site_log import Done
 from faultbond.service.sources.opening import open_source
@@ -37,18 +37,21 @@ def serve(site: Site, *, out: Out, check: bool = False) -> None:
     Raises
     ------
     FaultbondError
-        Where the address is taken, or open to others without a login, or a part is not installed.
+        Where the address is taken, or open to others without a login or TLS, the certificate is not right, or a part is
+        not installed.
     StoreError
         Where the store cannot be opened or, at the end, written.
     Stopped
         When a signal came.
     """
     uvicorn = _web_server()
-    _refuse_open_door(site)
+    refuse_open_door(site)
+    certificate = read_certificate(site)
     if check:
-        _tell(site, out)
+        _tell(site, certificate, out)
         return
-    number = asyncio.run(_serve(site, out, uvicorn))
+    _warn_of_end(certificate, out)
+    number = asyncio.run(_serve(site, certificate, out, uvicorn))
     if number is not None:
         raise Stopped(number)
 
@@ -69,7 +72,7 @@ def hash_password(out: Out) -> None:
     out.record({"record": "password", "hash": kept})
 
 
-def _tell(site: Site, out: Out) -> None:
+def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
     """Say what a site watches."""
     for item in site.assets:
         subscriber = Subscriber(asset=item.name, columns=item.plant.columns, graph=item.plant.graph)
@@ -78,6 +81,10 @@ def _tell(site: Site, out: Out) -> None:
         out.say(f"{item.name}: {item.plant.graph.name} ({item.plant.document[0]}) from {item.source}{rule}")
     people = ", ".join(f"{user.name} ({user.role})" for user in site.users.values())
     out.say(f"Kept in {site.store}. Page: {site.host}:{site.port}. People: {people or 'whoever is at this machine'}.")
+    if certificate is not None:
+        known = f", of {', '.join(certificate.names)}" if certificate.names else ""
+        out.say(f"TLS by {certificate.file}{known}, until {clock_text(certificate.until)}.")
+        _warn_of_end(certificate, out)
     out.record(
         {
             "record": "site",
@@ -90,6 +97,11 @@ def _tell(site: Site, out: Out) -> None:
     )
 
 
+def _warn_of_end(certificate: Certificate | None, out: Out) -> None:
+    if certificate is not None and certificate.ends_soon:
+        out.warn(f"{certificate.file}: the certificate ends at {clock_text(certificate.until)}. Renew it.")
+
+
 def _web_server() -> ModuleType:
     try:
         import fastapi  # noqa: F401, PLC0415 - an extra
@@ -99,24 +111,11 @@ def _web_server() -> ModuleType:
     return uvicorn
 
 
-def _refuse_open_door(site: Site) -> None:
-    """Refuse to be reached from elsewhere where nobody has to log in."""
-    with suppress(ValueError):
-        if ip_address(site.host).is_loopback:
-            return
-    if site.host == "localhost" or site.users:
-        return
-    raise FaultbondError(
-        f"listen: {site.host} can be reached from elsewhere, and there are no users. Name them in the site file, "
-        "or listen on 127.0.0.1."
-    )
-
-
-async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
+async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn: ModuleType) -> int | None:
     """Run service and page; gives the signal that ended it."""
     from faultbond.service.web.application import application  # noqa: PLC0415 - needs fastapi
 
-    manager, door = ServiceManager(), _bound(site)
+    manager, door = ServiceManager(), bound(site)
     manager.tell(status="reads its store")
     store = SqliteStore(Path(site.store), tell=out.warn)
     try:
@@ -126,15 +125,23 @@ async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
             lambda address, fed: open_source(address, fed, site.options(address)),
             hear=lambda done: _record(out, done),
         )
-        page = application(service, _guard(site), hosts={*LOOPBACK, site.host})
+        names = {*LOOPBACK, site.host, *site.names, *(certificate.names if certificate else ())}
+        page = application(service, _guard(site), hosts=names)
         server = uvicorn.Server(
-            uvicorn.Config(page, log_level="warning", access_log=False, timeout_graceful_shutdown=GRACE)
+            uvicorn.Config(
+                page,
+                log_level="warning",
+                access_log=False,
+                timeout_graceful_shutdown=GRACE,
+                ssl_context_factory=(lambda *_: certificate.context) if certificate is not None else None,
+            )
         )
         server.capture_signals = _no_signals  # ours go first
         with door, _signals() as stopped:
             at = f"[{site.host}]" if ":" in site.host else site.host
+            scheme = "http" if certificate is None else "https"
             out.settle()
-            out.say(f"{site.name}: http://{at}:{door.getsockname()[1]}/ - Ctrl-C stops it.")
+            out.say(f"{site.name}: {scheme}://{at}:{door.getsockname()[1]}/ - Ctrl-C stops it.")
             watching = asyncio.create_task(service.run())
             showing = asyncio.create_task(server.serve(sockets=[door]))
             ended = asyncio.create_task(stopped.wait())
@@ -165,20 +172,6 @@ def _guard(site: Site) -> Guard:
     """Give who may do what."""
     people = {user.name: (user.password, Role[user.role.upper()]) for user in site.users.values()}
     return LoginGuard(users=people) if people else LocalGuard()
-
-
-def _bound(site: Site) -> socket.socket:
-    """Give the socket of the page."""
-    try:
-        return socket.create_server((site.host, site.port), family=_family(site.host), backlog=256)
-    except OSError as error:
-        raise FaultbondError(
-            f"{site.host}:{site.port}: cannot listen there: {error.strerror or error}. Name another by --port."
-        ) from error
-
-
-def _family(host: str) -> socket.AddressFamily:
-    return socket.AF_INET6 if ":" in host else socket.AF_INET
 
 
 class _Stop(asyncio.Event):

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,9 @@ from faultbond.cli import main
 from faultbond.errors import FaultbondError
 from faultbond.io.out import Out
 from faultbond.service.program import serve
-from faultbond.service.site import Site, SiteAsset
+from faultbond.service.site import Site, SiteAsset, User
 from faultbond.service.store.sqlite import SqliteStore
-from faultbond.service.web.security import matches
+from faultbond.service.web.security import hashed, matches
 from loop_asset import MODEL, RECORDING, plant
 
 httpx = pytest.importorskip("httpx", reason="there is no httpx: pip install httpx")
@@ -101,6 +102,17 @@ def test_who_can_be_reached_from_elsewhere_needs_users(host: str) -> None:
     """Nobody from elsewhere is an engineer."""
     with pytest.raises(FaultbondError, match=f"listen: {host} can be reached from elsewhere, and there are no users"):
         serve(site(host=host), out=QUIET)
+
+
+def test_who_can_be_reached_from_elsewhere_needs_tls_or_a_word() -> None:
+    """Nobody reads passwords on the way, unless somebody says that another one sees to it."""
+    users = {"anna": User(name="anna", role="view", password=hashed("open sesame"))}
+    open_door = site(host="0.0.0.0", users=users)  # noqa: S104
+    with pytest.raises(FaultbondError, match=r"listen: 0.0.0.0 can be reached .* passwords could be read on the way"):
+        serve(open_door, out=QUIET, check=True)
+    serve(replace(open_door, unencrypted=True), out=QUIET, check=True)
+    for host in ("127.0.0.2", "::1", "localhost"):
+        serve(site(host=host), out=QUIET, check=True)
 
 
 def test_a_port_that_is_taken_is_told(tmp_path: Path) -> None:
