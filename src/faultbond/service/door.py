@@ -42,6 +42,11 @@ def refuse_open_door(site: Site) -> None:
     FaultbondError
         Where it is so.
     """
+    if site.names and not site.users:
+        raise FaultbondError(
+            f"listen: names: whoever asks for {site.names[0]} through a proxy would be an engineer, and there are no "
+            "users. Name them in the site file."
+        )
     with suppress(ValueError):
         if ip_address(site.host).is_loopback:
             return

@@ -115,6 +115,12 @@ def test_who_can_be_reached_from_elsewhere_needs_tls_or_a_word() -> None:
         serve(site(host=host), out=QUIET, check=True)
 
 
+def test_who_is_asked_through_a_proxy_needs_users() -> None:
+    """To this machine all who come through it come from here."""
+    with pytest.raises(FaultbondError, match=r"listen: names: whoever asks for plant.example through a proxy"):
+        serve(site(names=("plant.example",)), out=QUIET, check=True)
+
+
 def test_a_port_that_is_taken_is_told(tmp_path: Path) -> None:
     """In a line, with what to do."""
     with socket.create_server(("127.0.0.1", 0)) as door:
