@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from faultbond.errors import SourceError
@@ -31,6 +32,7 @@ class Clock:
 
 class PlayedSource:
     """Gives portions of rows from its cursor on. lost_at: where it is lost, so many times. pace: s between portions.
+    jump: from which row on its clock is set, by so many s. hold_at: where it waits for `holds`.
 
     ends: lets it end.
     """
@@ -48,11 +50,14 @@ class PlayedSource:
         loss: Exception | None = None,
         losses: int = 1,
         pace: float = 0.0,
+        jump: tuple[int, float] | None = None,
+        hold_at: int | None = None,
     ) -> None:
         self.clock, self.subscribers, self.portion, self.last, self.pace = clock, subscribers, portion, last, pace
         self.lost_at, self.loss, self.losses = lost_at, loss or SourceError("played: is gone"), losses
+        self.jump, self.hold_at = jump, hold_at
         self.begun: list[str] = []
-        self.ends = asyncio.Event()
+        self.ends, self.holds = asyncio.Event(), asyncio.Event()
 
     async def arrivals(self, cursors: Mapping[str, str]) -> AsyncGenerator[Arrivals, None]:
         """See `LiveSource`."""
@@ -64,12 +69,16 @@ class PlayedSource:
                 raise self.loss
             last = min(first + self.portion, self.last)
             some: RowBlock = rows().part(slice(first, last))
+            if self.jump is not None and first >= self.jump[0]:
+                some = replace(some, time=some.time + self.jump[1])
             for item in self.subscribers:
                 yield Arrivals(
                     asset=item.asset, rows=some, arrived=self.clock(), cursor=str(last), counts={"dropped": 1}
                 )
             first = last
             await asyncio.sleep(self.pace)
+            if self.hold_at is not None and first >= self.hold_at:
+                await self.holds.wait()
         await self.ends.wait()
 
 

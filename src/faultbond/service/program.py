@@ -21,7 +21,7 @@ from faultbond.service.site_log import Done
 from faultbond.service.sources.opening import open_source
 from faultbond.service.station import Service
 from faultbond.service.store.sqlite import SqliteStore
-from faultbond.service.systemd import ServiceManager, Told, reassure
+from faultbond.service.systemd import ServiceManager, UnitState, reassure
 from faultbond.service.web.security import Guard, LocalGuard, LoginGuard, Role, hashed
 from faultbond.service.web.shield import LOOPBACK
 
@@ -146,9 +146,9 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
             showing = asyncio.create_task(server.serve(sockets=[door]))
             ended = asyncio.create_task(stopped.wait())
             alive = asyncio.create_task(reassure(manager, lambda: service.is_alive, lambda: _status(service)))
-            manager.tell(Told.READY)
+            manager.tell(UnitState.READY)
             await asyncio.wait((watching, showing, ended), return_when=asyncio.FIRST_COMPLETED)
-            manager.tell(Told.STOPPING, status="keeps its assets as they stand")
+            manager.tell(UnitState.STOPPING, status="keeps its assets as they stand")
             for task in (ended, alive, watching):
                 task.cancel()
             with suppress(asyncio.CancelledError):

@@ -1,7 +1,7 @@
 """A site as people see it: what its assets, its store and what came of its sources show of each asset."""
 
 import threading
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,6 +20,7 @@ from faultbond.service.sources.queue import DROPPED
 from faultbond.service.supervisor import ServicePart
 
 JOURNAL = 200  # newest deeds that are shown
+NOTES = 3  # newest remarks about the service that are
 
 
 @dataclass(slots=True)
@@ -63,6 +64,7 @@ class SiteView:
         self._drawings = {
             item.name: draw(item.plant.graph, dict(assign_causality(item.plant.graph).strokes)) for item in site.assets
         }
+        self._notes: deque[str] = deque(maxlen=NOTES)
         self.is_stopped = False
 
     def note(self, arrivals: Arrivals, *, is_dropped: bool = False) -> None:
@@ -73,6 +75,13 @@ class SiteView:
         seen.counts.update(arrivals.counts)
         if is_dropped:
             seen.counts[DROPPED] += len(arrivals.rows)
+
+    def set_clock(self, moved: float, note: str) -> None:
+        """Take it that the clock was set by so many s, and show a remark about that."""
+        with self._lock:
+            for seen in self._seen.values():
+                seen.since += moved
+            self._notes.append(note)
 
     def summaries(self) -> list[Shown]:
         """Give the summaries of all assets."""
@@ -140,4 +149,5 @@ class SiteView:
     def _asset(self, asset: Asset) -> Shown:
         deeds = self._store.deeds(asset.name, newest=JOURNAL)
         summary, counts = self._summary(asset), self._seen[asset.name].counts
-        return asset_of(asset, summary, self._drawings[asset.name], deeds, counts, now=self._clock())
+        shown = asset_of(asset, summary, self._drawings[asset.name], deeds, counts, now=self._clock())
+        return {**shown, "notes": [*self._notes, *shown["notes"]]}

@@ -1,6 +1,7 @@
 """The service at work: arrivals and deeds go through one worker in order, and what is in the store is told to all."""
 
 import asyncio
+import logging
 import threading
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
@@ -11,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from faultbond.errors import SourceError, StoreError
-from faultbond.report.numbers import duration_text
+from faultbond.report.numbers import clock_text, duration_text
 from faultbond.service.contract.face import Request, Shown
 from faultbond.service.contract.messages import Action, Arrivals, Deed
 from faultbond.service.contract.source import LiveSource, Subscriber
@@ -21,6 +22,7 @@ from faultbond.service.site import Site
 from faultbond.service.site_log import AssetPlan, Done, SiteLog
 from faultbond.service.site_view import SiteView
 from faultbond.service.supervisor import RestartPolicy, ServicePart, supervise
+from faultbond.service.wall_clock import WallClock
 
 MOST_WAITING = 1000  # arrivals and deeds between the sources and the worker; more wait in the sources
 MOST_TOGETHER = 200  # of them that make one transaction
@@ -30,6 +32,8 @@ FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0  # s before a source that was lost is ope
 RETRY = 1.0  # s before the store is tried again
 LONGEST_STEP = 30.0  # s that the worker may be at one step, before it is taken for stuck
 SETTLING = 0.05  # s between two looks at whether what came of a source is in the store
+
+_LOG = logging.getLogger(__name__)
 
 Open = Callable[[str, Sequence[Subscriber]], LiveSource]
 
@@ -94,6 +98,7 @@ class Service:
         parts = {name: (feed.part, self._assets[name]) for name, feed in self._fed.items()}
         self._view = SiteView(site, self._log, store, self._lock, clock, steady, parts)
         self._kept, self._telling = (ServicePart(name=name, since=clock()) for name in ("store", "page"))
+        self._wall = WallClock(clock, steady)
         self._answered = steady()  # when the worker was seen at work or idle
         self._policy = policy or RestartPolicy()
         self._hub = Hub()
@@ -156,7 +161,11 @@ class Service:
         failed = [part for part in self._assets.values() if part.is_given_up]
         parts = (*(feed.part for feed in self._feeds), self._working(), self._kept, self._telling, *failed)
         shown = {part.name: part.shown() for part in parts}
-        return {"ok": all(part["ok"] for part in shown.values()) and not self._view.is_stopped, "parts": shown}
+        return {
+            "ok": all(part["ok"] for part in shown.values()) and not self._view.is_stopped,
+            "clock_jumps": self._wall.n_jumps,
+            "parts": shown,
+        }
 
     def listen(self, most: int = 100) -> AsyncIterator[tuple[str, Shown]]:
         """Give what happens from now on."""
@@ -322,17 +331,30 @@ class Service:
     async def _tick(self) -> None:
         """Tell who has gone silent, or whose shelf has ended."""
         known: dict[str, tuple[Any, ...]] = {}
-        forgotten = self._clock()
+        forgotten = self._steady()
         while True:
             await asyncio.sleep(TICK)
-            if self._site.days is not None and self._clock() - forgotten >= FORGET_EVERY:
-                forgotten = self._clock()
-                await asyncio.to_thread(self._forget, forgotten - 86400.0 * self._site.days)
+            moved = self._wall.jumped()
+            if moved:
+                self._set_clock(moved)
+            if self._site.days is not None and self._steady() - forgotten >= FORGET_EVERY:
+                forgotten = self._steady()
+                await asyncio.to_thread(self._forget, self._wall.believed() - 86400.0 * self._site.days)
             for summary in await asyncio.to_thread(self._view.summaries):
                 now = tuple(str(summary[key]) for key in ("status", "monitoring", "alarm"))
                 if known.get(summary["name"], now) != now:
                     self._hub.publish("summary", summary)
                 known[summary["name"]] = now
+
+    def _set_clock(self, moved: float) -> None:
+        """Tell that the clock of the machine was set, and go on with moments of before by the new one."""
+        told = (
+            f"The clock of this machine was set {'forward' if moved > 0.0 else 'back'} by {duration_text(abs(moved))}"
+        )
+        _LOG.warning("%s.", told)
+        for part in (*(feed.part for feed in self._feeds), *self._assets.values(), self._kept, self._telling):
+            part.since += moved
+        self._view.set_clock(moved, f"{told}; it was then {clock_text(self._clock())}.")
 
     def _forget(self, older_than: float) -> None:
         """Forget rows and curves from before a time."""

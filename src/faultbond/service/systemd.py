@@ -15,7 +15,7 @@ PATIENCE = 0.5  # s; who does not take it in this time does not hold the service
 USUAL = 10.0  # s between two lines about the service where no sign of life is asked for
 
 
-class Told(Enum):
+class UnitState(Enum):
     """What is told; the value is the line."""
 
     READY = "READY=1"
@@ -48,7 +48,7 @@ class ServiceManager:
         """The longest time between two signs of life, s; None: none are asked for."""
         return self._watchdog
 
-    def tell(self, *states: Told, status: str = "") -> None:
+    def tell(self, *states: UnitState, status: str = "") -> None:
         """Tell what is so now.
 
         Parameters
@@ -73,7 +73,7 @@ async def reassure(manager: ServiceManager, is_alive: Callable[[], bool], status
     period = USUAL if manager.watchdog is None else 0.5 * manager.watchdog
     while manager.listens:
         if is_alive():
-            manager.tell(Told.ALIVE, status=status())
+            manager.tell(UnitState.ALIVE, status=status())
         await asyncio.sleep(period)
 
 

@@ -297,3 +297,72 @@ def test_what_cannot_be_begun_anew_ends_the_service_with_what_it_was() -> None:
     (log,) = store.logs.values()
     assert log.checkpoints[-1].checkpoint_rows == len(log.rows) >= 300
     assert played.summary["monitoring"] == "stopped"
+
+
+HOUR = 3600.0
+
+
+@pytest.mark.parametrize("moved", [HOUR, -HOUR])
+def test_a_clock_that_is_set_is_told_and_changes_nothing_that_is_seen(
+    moved: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nobody is silent by it, for no time at all and not for an hour; what is shown since when moves with it."""
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(600))
+        since = played.summary["since"]
+        played.steady.now += 5.0
+        played.clock.now += 5.0 + moved
+        assert (played.summary["monitoring"], played.summary["status"]) == ("running", "NORMAL")
+        await played.until(lambda: played.service.health()["clock_jumps"] == 1)
+        assert (played.summary["monitoring"], played.summary["status"]) == ("running", "NORMAL")
+        assert played.summary["since"] == since + moved
+        assert played.service.health()["ok"]
+        (note,) = played.service.asset("loop")["notes"]
+        way = "forward" if moved > 0.0 else "back"
+        assert note.startswith(f"The clock of this machine was set {way} by 60 min; it was then ")
+        played.steady.now += 5.1
+        assert played.summary["monitoring"] == "no data"
+
+    play(Played(last=600), course)
+    assert [message for message in caplog.messages if "clock" in message] != []
+
+
+def test_a_shelf_ends_by_the_clock_of_people() -> None:
+    """It is a time of day, which is kept; a clock that is set forward ends it, which calls too early, not too late."""
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(FOUND))
+        await played.do(Action.SHELVE, minutes=30.0)
+        played.steady.now += HOUR
+        assert played.summary["alarm"]["state"] == "shelved"
+        played.clock.now += HOUR
+        assert played.summary["alarm"]["state"] == "unacknowledged"
+
+    play(Played(), course)
+
+
+@pytest.mark.parametrize("moved", [HOUR, -HOUR])
+def test_a_clock_of_the_source_that_is_set_raises_no_alarm_and_hides_none(moved: float) -> None:
+    """As of values that come without a time of their own: each row is used, each record is there once."""
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(700))
+        assert played.summary["alarm"] is None
+        played.source.holds.set()
+        await played.until(lambda: played.summary["best"] is not None)
+        assert (played.summary["status"], played.summary["monitoring"]) == ("FAILURE", "running")
+
+    some: dict[str, Any] = {"portion": 25, "pace": 0.001, "hold_at": 720, "last": FOUND + 50}
+    still, moving = Played(**some), Played(**some, jump=(400, moved))
+    play(still, course)
+    play(moving, course)
+    counts = moving.service.asset("loop")["counts"]
+    assert counts["clock_jumps"] == 1
+    assert counts.keys() == {"samples", "clock_jumps", "dropped"}
+    records = list(moving.store.records())
+    assert len({item.id for item in records}) == len(records)
+    assert not moving.store.contested
+    detections = [[item for item in played.store.records() if item.kind == "detection"] for played in (still, moving)]
+    assert [len(found) for found in detections] == [1, 1]
+    assert abs(detections[1][0].time - moved - detections[0][0].time) < 1.0

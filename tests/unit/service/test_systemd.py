@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from faultbond.service.contract.store import Commit
-from faultbond.service.systemd import ServiceManager, Told, reassure
+from faultbond.service.systemd import ServiceManager, UnitState, reassure
 from loop_asset import MODEL
 from memory_store import MemoryStore
 from played import Played
@@ -61,7 +61,7 @@ def manager(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Manager]
 
 def test_states_and_a_line_are_told_together(manager: Manager) -> None:
     """In one datagram, a line each, as sd_notify(3) has it."""
-    ServiceManager(manager.environment()).tell(Told.READY, status="two\nlines  of it")
+    ServiceManager(manager.environment()).tell(UnitState.READY, status="two\nlines  of it")
     assert manager.heard.recv(100) == b"READY=1\nSTATUS=two lines of it"
 
 
@@ -69,14 +69,14 @@ def test_states_and_a_line_are_told_together(manager: Manager) -> None:
 def test_nobody_is_told_where_nobody_listens(address: str) -> None:
     """What is no socket of this kind is left alone."""
     found = ServiceManager({"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "1000000"})
-    found.tell(Told.READY)
+    found.tell(UnitState.READY)
     assert (found.listens, found.watchdog) == (False, None)
     asyncio.run(asyncio.wait_for(reassure(found, lambda: True, lambda: ""), 1.0))
 
 
 def test_a_manager_that_is_gone_does_no_harm(tmp_path: Path) -> None:
     """Nor does one that does not read."""
-    ServiceManager({"NOTIFY_SOCKET": str(tmp_path / "nobody")}).tell(Told.READY)
+    ServiceManager({"NOTIFY_SOCKET": str(tmp_path / "nobody")}).tell(UnitState.READY)
 
 
 @pytest.mark.parametrize(
