@@ -92,14 +92,22 @@ class Played:
         assets: Sequence[str] = ("loop",),
         hear: Callable[[object], None] | None = None,
         steady: Callable[[], float] | None = None,
+        opened: Callable[[str, Sequence[Subscriber]], LiveSource] | None = None,
         **source: Any,
     ) -> None:
         self.clock, self.steady, self.store = Clock(), Clock(), store or MemoryStore()
         self._said, self.source = source, PlayedSource(self.clock, ())
+        opened = opened or self._opened
         listed = tuple(SiteAsset(name=name, plant=plant(), source="played:") for name in assets)
         site = Site(name="hall", assets=listed)
         self.service = Service(
-            site, self.store, self._opened, hear=hear, clock=self.clock, steady=steady or self.steady, policy=QUICK
+            site,
+            self.store,
+            opened or self._opened,
+            hear=hear,
+            clock=self.clock,
+            steady=steady or self.steady,
+            policy=QUICK,
         )
 
     def _opened(self, address: str, subscribers: Sequence[Subscriber]) -> LiveSource:

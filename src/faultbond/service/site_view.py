@@ -76,6 +76,12 @@ class SiteView:
         if is_dropped:
             seen.counts[DROPPED] += len(arrivals.rows)
 
+    def count(self, assets: Sequence[str], name: str) -> None:
+        """Count what happened to some assets."""
+        with self._lock:
+            for asset in assets:
+                self._seen[asset].counts[name] += 1
+
     def set_clock(self, moved: float, note: str) -> None:
         """Take it that the clock was set by so many s, and show a remark about that."""
         with self._lock:

@@ -31,6 +31,7 @@ FORGET_EVERY = 600.0  # s between two looks at what is too old
 FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0  # s before a source that was lost is opened again
 RETRY = 1.0  # s before the store is tried again
 LONGEST_STEP = 30.0  # s that the worker may be at one step, before it is taken for stuck
+LOST = "source lost"  # the name under which it is counted
 SETTLING = 0.05  # s between two looks at whether what came of a source is in the store
 
 _LOG = logging.getLogger(__name__)
@@ -220,11 +221,14 @@ class Service:
                     async for arrivals in coming:
                         feed.part.works(self._clock())
                         delay = FIRST_DELAY
-                        feed.pending += 1
-                        await self._inbox.put(arrivals)
+                        if arrivals:
+                            feed.pending += 1
+                            await self._inbox.put(arrivals)
                 feed.part.ends(self._clock())
                 return
             except SourceError as error:
+                if not feed.part.trouble:
+                    await asyncio.to_thread(self._view.count, feed.assets, LOST)
                 feed.part.fails(str(error), self._clock())
             await asyncio.sleep(delay)
             delay = min(2.0 * delay, LONGEST_DELAY)

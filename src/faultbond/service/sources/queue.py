@@ -51,6 +51,11 @@ class ArrivalQueue:
             yield Arrivals(asset=asset, rows=block, arrived=time.time(), counts=dict(+counts))
 
 
+def connected(subscriber: Subscriber) -> Arrivals:
+    """Give what says that a source has its other side, and nothing more."""
+    return Arrivals(asset=subscriber.asset, rows=no_rows(subscriber), arrived=time.time())
+
+
 def no_rows(subscriber: Subscriber) -> RowBlock:
     """Give a block without a row, for what there is to count only."""
     columns = subscriber.columns
