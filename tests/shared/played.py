@@ -97,13 +97,13 @@ class Played:
     ) -> None:
         self.clock, self.steady, self.store = Clock(), Clock(), store or MemoryStore()
         self._said, self.source = source, PlayedSource(self.clock, ())
-        opened = opened or self._opened
+        opened = self._opened if opened is None else opened
         listed = tuple(SiteAsset(name=name, plant=plant(), source="played:") for name in assets)
         site = Site(name="hall", assets=listed)
         self.service = Service(
             site,
             self.store,
-            opened or self._opened,
+            opened,
             hear=hear,
             clock=self.clock,
             steady=steady or self.steady,

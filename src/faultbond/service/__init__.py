@@ -2,5 +2,5 @@
 
 In: a site, or models and a source. Out: records in a store, messages to those who listen, an operator's page.
 Read `contract`, `site`, `sources`, `alarm`, `asset`, `site_log`, `store`, `asset_status`, `shown`, `site_view`, `hub`,
-`supervisor`, `station`, `web`, `program`; `history`.
+`supervisor`, `wall_clock`, `station`, `web`; `door`, `systemd`, `log_lines`, `program`; `history`.
 """

@@ -1,9 +1,10 @@
 """`serve`: a site watched until somebody stops it, with its page."""
 
 import asyncio
+import logging
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from getpass import getpass
 from pathlib import Path
@@ -16,6 +17,7 @@ from faultbond.io.out import Out
 from faultbond.report.numbers import clock_text
 from faultbond.service.contract.source import Subscriber
 from faultbond.service.door import Certificate, bound, read_certificate, refuse_open_door
+from faultbond.service.log_lines import LogForm, logged
 from faultbond.service.site import Site
 from faultbond.service.site_log import Done
 from faultbond.service.sources.opening import open_source
@@ -26,13 +28,15 @@ from faultbond.service.web.security import Guard, LocalGuard, LoginGuard, Role, 
 from faultbond.service.web.shield import LOOPBACK
 
 EXTRA = 'The page needs more: install it by `pip install "faultbond[serve]"`.'
+_LOG = logging.getLogger(__name__)
 GRACE = 5  # s that answers which are being given have at the end
 
 
-def serve(site: Site, *, out: Out, check: bool = False) -> None:
+def serve(site: Site, *, out: Out, check: bool = False, log: LogForm | None = None) -> None:
     """Watch a site and show it, until a signal comes; then every asset is kept as it stands.
 
-    check: only say what would be watched, once it is known that it can be.
+    check: only say what would be watched, once it is known that it can be. log: how standard error is written; None:
+    as it suits that.
 
     Raises
     ------
@@ -50,8 +54,14 @@ def serve(site: Site, *, out: Out, check: bool = False) -> None:
     if check:
         _tell(site, certificate, out)
         return
-    _warn_of_end(certificate, out)
-    number = asyncio.run(_serve(site, certificate, out, uvicorn))
+    with logged(log):
+        try:
+            number = asyncio.run(_serve(site, certificate, out, uvicorn))
+        except FaultbondError:
+            raise
+        except Exception:
+            _LOG.critical("The service ends; started again, it goes on from its log.", exc_info=True)
+            raise
     if number is not None:
         raise Stopped(number)
 
@@ -84,7 +94,7 @@ def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
     if certificate is not None:
         known = f", of {', '.join(certificate.names)}" if certificate.names else ""
         out.say(f"TLS by {certificate.file}{known}, until {clock_text(certificate.until)}.")
-        _warn_of_end(certificate, out)
+        _warn_of_end(certificate, out.warn)
     out.record(
         {
             "record": "site",
@@ -97,9 +107,9 @@ def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
     )
 
 
-def _warn_of_end(certificate: Certificate | None, out: Out) -> None:
+def _warn_of_end(certificate: Certificate | None, warn: Callable[[str], None]) -> None:
     if certificate is not None and certificate.ends_soon:
-        out.warn(f"{certificate.file}: the certificate ends at {clock_text(certificate.until)}. Renew it.")
+        warn(f"{certificate.file}: the certificate ends at {clock_text(certificate.until)}. Renew it.")
 
 
 def _web_server() -> ModuleType:
@@ -117,7 +127,8 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
 
     manager, door = ServiceManager(), bound(site)
     manager.tell(status="reads its store")
-    store = SqliteStore(Path(site.store), tell=out.warn)
+    _warn_of_end(certificate, _LOG.warning)
+    store = SqliteStore(Path(site.store), tell=_LOG.warning)
     try:
         service = Service(
             site,
@@ -130,7 +141,7 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
         server = uvicorn.Server(
             uvicorn.Config(
                 page,
-                log_level="warning",
+                log_config=None,  # its events go where ours do
                 access_log=False,
                 timeout_graceful_shutdown=GRACE,
                 ssl_context_factory=(lambda *_: certificate.context) if certificate is not None else None,

@@ -150,6 +150,36 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path, capsys: pytest.Cap
     assert (record["record"], [item["name"] for item in record["assets"]]) == ("site", ["loop"])
 
 
+def test_the_log_is_written_as_asked(tmp_path: Path) -> None:
+    """A source that is not there is one event, and a defect one with its traceback."""
+    source = ("--source", f"file:{tmp_path / 'absent.csv'}", "--log", "json")
+    port = free_port()
+    with served(tmp_path, port, *source) as process:
+        until(port, lambda found: "absent.csv" in found["headline"])
+        process.send_signal(signal.SIGTERM)
+        _, complained = process.communicate(timeout=LONGEST)
+    (told,) = map(json.loads, complained.splitlines())
+    assert (told["level"], told["logger"]) == ("warning", "faultbond.service.supervisor")
+    assert told["message"].startswith(f"file:{tmp_path / 'absent.csv'}: ")
+
+
+def test_what_nobody_foresaw_ends_with_its_traceback(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In the log, since nobody can run it once more for that; the exit code is that of a defect."""
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("faultbond.service.site_log.SiteLog.settle", broken)
+    monkeypatch.chdir(tmp_path)
+    assert main(["serve", str(MODEL), "--port", "0", "--log", "journal"]) == 3
+    complained = capsys.readouterr().err.splitlines()
+    assert "<2>The service ends; started again, it goes on from its log." in complained
+    assert "<2>ZeroDivisionError" in complained
+    assert complained[-1].startswith("faultbond: internal error: ZeroDivisionError")
+
+
 def test_a_password_is_hashed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """What is printed lets its owner in, and nobody else."""
     monkeypatch.setattr(sys, "stdin", StringIO("open sesame\n"))
