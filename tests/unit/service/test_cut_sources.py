@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.shared.broker import MOSQUITTO, Mosquitto
 
-from broker import MOSQUITTO, Mosquitto
 from faultbond.service.contract.face import Shown
 from faultbond.service.sources.opening import open_source
 from loop_asset import plant, rows

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from benchmarks.shared.broker import free_port
 
-from broker import free_port
 from faultbond.cli import main
 from faultbond.errors import FaultbondError
 from faultbond.service.door import read_certificate
