@@ -26,6 +26,7 @@ from faultbond.service.wall_clock import WallClock
 
 MOST_WAITING = 1000  # arrivals and deeds between the sources and the worker; more wait in the sources
 MOST_TOGETHER = 200  # of them that make one transaction
+MOST_ROWS = 5000  # in it, and those of one arrival: a second or two, after which others may ask
 TICK = 1.0  # s between two looks at who has gone silent
 FORGET_EVERY = 600.0  # s between two looks at what is too old
 FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0  # s before a source that was lost is opened again
@@ -60,6 +61,10 @@ class _Wish:
 def _stands_alone(item: Arrivals | _Wish) -> bool:
     """Whether nothing is done together with an item: what takes back reads the log, in which all before it must be."""
     return isinstance(item, _Wish) and item.deed.action is Action.UNDO
+
+
+def _n_rows(item: Arrivals | _Wish) -> int:
+    return len(item.rows) if isinstance(item, Arrivals) else 0
 
 
 class Service:
@@ -98,7 +103,8 @@ class Service:
         self._fed = {name: feed for feed in self._feeds for name in feed.assets}
         parts = {name: (feed.part, self._assets[name]) for name, feed in self._fed.items()}
         self._view = SiteView(site, self._log, store, self._lock, clock, steady, parts)
-        self._kept, self._telling = (ServicePart(name=name, since=clock()) for name in ("store", "page"))
+        own = (ServicePart(name=name, since=clock()) for name in ("worker", "store", "page"))
+        self._core, self._kept, self._telling = own
         self._wall = WallClock(clock, steady)
         self._answered = steady()  # when the worker was seen at work or idle
         self._policy = policy or RestartPolicy()
@@ -269,19 +275,26 @@ class Service:
     def _working(self) -> ServicePart:
         """Give how the worker stands."""
         silence = self._steady() - self._answered
-        trouble = "" if self.is_alive else f"it has been at one step for {duration_text(silence, digits=2)}"
-        return ServicePart(name="worker", since=self._clock() - silence, trouble=trouble)
+        if self.is_alive:
+            self._core.works(self._clock())
+        else:
+            told = f"it has been at one step for {duration_text(silence, digits=2)}"
+            self._core.fails(told, self._clock() - silence)
+        return self._core
 
     async def _gathered(self) -> list[Arrivals | _Wish]:
         """Wait for an item, and give it with all that have come besides."""
         first, self._next = self._next or await self._inbox.get(), None
-        items = [first]
-        while len(items) < MOST_TOGETHER and not self._inbox.empty() and not _stands_alone(first):
+        items, n_rows = [first], _n_rows(first)
+        while (
+            len(items) < MOST_TOGETHER and n_rows < MOST_ROWS and not self._inbox.empty() and not _stands_alone(first)
+        ):
             item = self._inbox.get_nowait()
             if _stands_alone(item):
                 self._next = item
                 break
             items.append(item)
+            n_rows += _n_rows(item)
         return items
 
     def _take(self, items: Sequence[Arrivals | _Wish]) -> tuple[list[Done], StoreError | None]:
@@ -356,7 +369,8 @@ class Service:
             f"The clock of this machine was set {'forward' if moved > 0.0 else 'back'} by {duration_text(abs(moved))}"
         )
         _LOG.warning("%s.", told)
-        for part in (*(feed.part for feed in self._feeds), *self._assets.values(), self._kept, self._telling):
+        own = (self._core, self._kept, self._telling)
+        for part in (*(feed.part for feed in self._feeds), *self._assets.values(), *own):
             part.since += moved
         self._view.set_clock(moved, f"{told}; it was then {clock_text(self._clock())}.")
 

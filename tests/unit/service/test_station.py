@@ -133,6 +133,24 @@ def test_a_store_that_cannot_be_written_stops_nothing_and_loses_nothing(monkeypa
     play(Played(store, last=300), course)
 
 
+def test_what_waits_is_taken_in_portions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However much came at once, as after a night without the service: others may ask between two of them."""
+    monkeypatch.setattr("faultbond.service.station.MOST_ROWS", 120)
+    taken: list[int] = []
+
+    class Listing(MemoryStore):
+        def commit(self, parts: Sequence[Commit]) -> None:
+            taken.append(sum(len(part.rows) for part in parts if part.rows is not None))
+            super().commit(parts)
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(FOUND))
+
+    play(Played(Listing(), portion=50), course)
+    assert sum(taken) == FOUND
+    assert max(taken) == 150  # the portion with which there are enough is the last
+
+
 def test_it_goes_on_where_it_stopped() -> None:
     """A second service on the same store knows the alarm, who saw it, and the cursor."""
     store = MemoryStore()

@@ -28,7 +28,7 @@ from faultbond.service.contract.source import Subscriber
 from faultbond.service.sources.queue import connected, no_rows
 
 POLL = 0.2  # s between two looks at a file that does not grow
-MOST_READ = 2**20  # bytes at once
+MOST_READ = 2**16  # bytes at once; some thousand rows, so that who takes them is soon done
 MARK = 256  # bytes before the place, by which a file that was written anew is known
 UNREADABLE, BEGUN_ANEW = "unreadable", "begun anew"
 GONE = 5.0  # s for which a file may be absent, as between the two steps in which logs are rotated
