@@ -37,7 +37,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("tls")
     for name, kind in {"page": "rsa:2048", "other": "rsa:2048"}.items():
         pair = ("-keyout", str(folder / f"{name}.key"), "-out", str(folder / f"{name}.pem"))
-        openssl("req", "-x509", "-newkey", kind, "-nodes", "-days", "90", *pair, "-subj", "/CN=page", "-addext", NAMES)
+        openssl(
+            "req", "-x509", "-newkey", kind, "-nodes", "-days", "90", *pair, "-subj", f"/CN={name}", "-addext", NAMES
+        )
     curve = ("-name", "prime256v1", "-genkey", "-noout")
     openssl("ecparam", *curve, "-out", str(folder / "curve.key"))
     openssl("rsa", "-in", str(folder / "page.key"), "-aes256", "-passout", "pass:x", "-out", str(folder / "secret.key"))
