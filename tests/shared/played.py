@@ -17,14 +17,15 @@ from loop_asset import FOUND, plant, rows
 from memory_store import MemoryStore
 
 TIMEOUT = 60.0
+TODAY = 1_795_000_000.0  # Unix s
 QUICK = RestartPolicy(most=3, delay=0.01, longest=0.02)
 
 
 class Clock:
     """Seconds that a test sets."""
 
-    def __init__(self) -> None:
-        self.now = 1000.0
+    def __init__(self, now: float = 1000.0) -> None:
+        self.now = now
 
     def __call__(self) -> float:
         return self.now
@@ -95,7 +96,7 @@ class Played:
         opened: Callable[[str, Sequence[Subscriber]], LiveSource] | None = None,
         **source: Any,
     ) -> None:
-        self.clock, self.steady, self.store = Clock(), Clock(), store or MemoryStore()
+        self.clock, self.steady, self.store = Clock(TODAY), Clock(), store or MemoryStore()
         self._said, self.source = source, PlayedSource(self.clock, ())
         opened = self._opened if opened is None else opened
         listed = tuple(SiteAsset(name=name, plant=plant(), source="played:") for name in assets)

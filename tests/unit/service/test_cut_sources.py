@@ -190,6 +190,8 @@ def test_a_file_that_is_rotated_and_then_gone_for_a_while(tmp_path: Path, monkey
 
     async def course(played: Played) -> None:
         await lost(played, "No such file")
+        write(path, 0, 0)
+        await played.until(lambda: bool(part_of(played)["ok"]))
         write(path, 0, N // 3)
         await played.until(lambda: played.passed(N // 3))
         path.rename(tmp_path / "live.csv.1")

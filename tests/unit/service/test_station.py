@@ -1,7 +1,7 @@
 """The service at work: sources that fail and come back, a store that does, people, and who listens."""
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import AsyncGenerator, Mapping, Sequence
 from typing import Any
 
 import pytest
@@ -10,11 +10,11 @@ from faultbond.errors import FaultbondError, StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.asset import Asset
 from faultbond.service.contract.face import Request
-from faultbond.service.contract.messages import Action
+from faultbond.service.contract.messages import Action, Arrivals
 from faultbond.service.contract.store import Commit
-from loop_asset import FOUND
+from loop_asset import FOUND, rows
 from memory_store import MemoryStore
-from played import QUICK, TIMEOUT, Played, play
+from played import QUICK, TIMEOUT, Clock, Played, PlayedSource, play
 
 
 class FailingStore(MemoryStore):
@@ -114,6 +114,23 @@ def test_no_data_is_never_normal() -> None:
         assert played.summary["headline"].startswith("No data for 10 s.")
 
     play(Played(last=600), course)
+
+
+def test_what_cannot_be_read_is_no_data() -> None:
+    """A source that gives nothing but what it counts is silent."""
+
+    class Garbled(PlayedSource):
+        async def arrivals(self, cursors: Mapping[str, str]) -> AsyncGenerator[Arrivals, None]:
+            while True:
+                yield Arrivals(asset="loop", rows=rows().part(slice(0)), arrived=0.0, counts={"unreadable": 1})
+                await asyncio.sleep(0.01)
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.service.asset("loop")["counts"].get("unreadable", 0) > 3)
+        assert (played.summary["monitoring"], played.summary["status"]) == ("no data", "CHECK_FUNCTION")
+        assert played.service.health()["ok"]
+
+    play(Played(opened=lambda _, subscribers: Garbled(Clock(), subscribers)), course)
 
 
 def test_a_store_that_cannot_be_written_stops_nothing_and_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -248,8 +265,8 @@ def test_an_asset_that_fails_unforeseen_is_given_up_and_the_others_go_on(monkeyp
     monkeypatch.setattr("faultbond.service.site_log.EVERY", 0.0)
     take = Asset.take
 
-    def poisoned(asset: Asset, rows: RowBlock) -> Any:
-        taken = take(asset, rows)
+    def poisoned(asset: Asset, some: RowBlock) -> Any:
+        taken = take(asset, some)
         if asset.name == "loop" and asset.counts.samples > 350:
             raise PoisonError("at a row")
         return taken
@@ -341,7 +358,7 @@ def test_a_clock_that_is_set_is_told_and_changes_nothing_that_is_seen(
         assert played.service.health()["ok"]
         (note,) = played.service.asset("loop")["notes"]
         way = "forward" if moved > 0.0 else "back"
-        assert note.startswith(f"The clock of this machine was set {way} by 60 min; it was then ")
+        assert note.startswith(f"The clock of this machine was set {way} by 60 min; it was then 2026-11-1")
         played.steady.now += 5.1
         assert played.summary["monitoring"] == "no data"
 
