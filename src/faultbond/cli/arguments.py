@@ -423,7 +423,8 @@ def _add_serve(verbs: Subparsers) -> None:
     """Add `serve`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
-        from faultbond.service.program import hash_password, serve  # noqa: PLC0415 - not all need it
+        from faultbond.service.log_lines import LogForm  # noqa: PLC0415 - not all need it
+        from faultbond.service.program import hash_password, serve  # noqa: PLC0415
         from faultbond.service.site import read_site, site_of  # noqa: PLC0415
 
         if arguments.hash:
@@ -437,7 +438,8 @@ def _add_serve(verbs: Subparsers) -> None:
             if arguments.site is not None
             else site_of(arguments.models, source=source, store=store, port=port, accept=arguments.accept)
         )
-        serve(site, check=arguments.check, out=out)
+        form = None if arguments.log is None else LogForm(arguments.log)
+        serve(site, check=arguments.check, log=form, out=out)
         return DONE
 
     summary = "watch live sources, keep what happens, and show it to operators on a page"
@@ -449,6 +451,8 @@ def _add_serve(verbs: Subparsers) -> None:
     add("--store", metavar="FILE", help="where all is kept, and gone on from (default: faultbond.sqlite)")
     add("--port", metavar="N", type=_number("--port", 0, 65535), help="port of the page (default: 8350); 0: any")
     add("--accept", metavar="LEVEL", type=_level, help="as of `run`")
+    forms = "how standard error is written: plain, journal or json (default: as it suits that)"
+    add("--log", metavar="FORM", choices=["plain", "journal", "json"], help=forms)
     add("--check", action="store_true", help="only say what would be watched, and whether it can be")
     add("--hash", action="store_true", help="ask for a password, and print its hash for the site file")
 

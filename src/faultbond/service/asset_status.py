@@ -31,26 +31,36 @@ def patience(asset: Asset) -> float:
     return PATIENCE * max(asset.spec.sample_time or 1.0, 1.0)
 
 
-def asset_status(asset: Asset, *, silence: float | None, stopped: bool = False) -> AssetStatus:
+def asset_status(
+    asset: Asset, *, silence: float | None, trouble: str = "", unwatched: str | None = None
+) -> AssetStatus:
     """Tell how an asset stands.
 
     Parameters
     ----------
     asset : the asset
     silence : s since its last row came; None: none has
-    stopped : whether nothing watches it any more
+    trouble : why its source gives nothing, a sentence; empty: nothing is known of that
+    unwatched : why nothing watches it any more, a sentence, empty where the service was stopped; None: it is watched
     """
-    monitoring = _monitoring(asset, silence, stopped=stopped)
+    monitoring = _monitoring(asset, silence, stopped=unwatched is not None)
     healthy, told = _of_the_plant(asset, monitoring)
     of_before = f" {told}" if healthy is not Ne107.NORMAL else ""  # without data nothing is as the model expects
     if monitoring is Monitoring.STOPPED:
-        return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=f"Not watched.{of_before}")
+        headline = f"{_because('Not watched', unwatched or '')}{of_before}"
+        return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=headline)
     if monitoring is Monitoring.NO_DATA:
-        headline = f"No data{' yet' if silence is None else f' for {duration_text(silence, digits=2)}'}.{of_before}"
+        absent = f"No data{' yet' if silence is None else f' for {duration_text(silence, digits=2)}'}"
+        headline = f"{_because(absent, trouble)}{of_before}"
         return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=headline)
     if asset.alarm.out_of_service:
         return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=f"Out of service. {told}")
     return AssetStatus(status=healthy, monitoring=monitoring, headline=told)
+
+
+def _because(fact: str, reason: str) -> str:
+    """Give a sentence, with its reason where there is one."""
+    return f"{fact}: {reason.rstrip('.')}." if reason else f"{fact}."
 
 
 def _monitoring(asset: Asset, silence: float | None, *, stopped: bool) -> Monitoring:

@@ -1,13 +1,12 @@
 """`serve`: a site watched until somebody stops it, with its page."""
 
 import asyncio
+import logging
 import signal
-import socket
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from getpass import getpass
-from ipaddress import ip_address
 from pathlib import Path
 from types import ModuleType
 
@@ -15,39 +14,54 @@ from faultbond.app.signals import STOPPING, Stopped
 from faultbond.contract.json_records import Record
 from faultbond.errors import FaultbondError
 from faultbond.io.out import Out
+from faultbond.report.numbers import clock_text
 from faultbond.service.contract.source import Subscriber
+from faultbond.service.door import Certificate, bound, read_certificate, refuse_open_door
+from faultbond.service.log_lines import LogForm, logged
 from faultbond.service.site import Site
 from faultbond.service.site_log import Done
 from faultbond.service.sources.opening import open_source
 from faultbond.service.station import Service
 from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.systemd import ServiceManager, UnitState, reassure
 from faultbond.service.web.security import Guard, LocalGuard, LoginGuard, Role, hashed
 from faultbond.service.web.shield import LOOPBACK
 
 EXTRA = 'The page needs more: install it by `pip install "faultbond[serve]"`.'
+_LOG = logging.getLogger(__name__)
 GRACE = 5  # s that answers which are being given have at the end
 
 
-def serve(site: Site, *, out: Out, check: bool = False) -> None:
+def serve(site: Site, *, out: Out, check: bool = False, log: LogForm | None = None) -> None:
     """Watch a site and show it, until a signal comes; then every asset is kept as it stands.
 
-    check: only say what would be watched, once it is known that it can be.
+    check: only say what would be watched, once it is known that it can be. log: how standard error is written; None:
+    as it suits that.
 
     Raises
     ------
     FaultbondError
-        Where the address is taken, or open to others without a login, or a part is not installed.
+        Where the address is taken, or open to others without a login or TLS, the certificate is not right, or a part is
+        not installed.
     StoreError
         Where the store cannot be opened or, at the end, written.
     Stopped
         When a signal came.
     """
     uvicorn = _web_server()
-    _refuse_open_door(site)
+    refuse_open_door(site)
+    certificate = read_certificate(site)
     if check:
-        _tell(site, out)
+        _tell(site, certificate, out)
         return
-    number = asyncio.run(_serve(site, out, uvicorn))
+    with logged(log):
+        try:
+            number = asyncio.run(_serve(site, certificate, out, uvicorn))
+        except FaultbondError:
+            raise
+        except Exception:
+            _LOG.critical("The service ends; started again, it goes on from its log.", exc_info=True)
+            raise
     if number is not None:
         raise Stopped(number)
 
@@ -68,7 +82,7 @@ def hash_password(out: Out) -> None:
     out.record({"record": "password", "hash": kept})
 
 
-def _tell(site: Site, out: Out) -> None:
+def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
     """Say what a site watches."""
     for item in site.assets:
         subscriber = Subscriber(asset=item.name, columns=item.plant.columns, graph=item.plant.graph)
@@ -77,6 +91,10 @@ def _tell(site: Site, out: Out) -> None:
         out.say(f"{item.name}: {item.plant.graph.name} ({item.plant.document[0]}) from {item.source}{rule}")
     people = ", ".join(f"{user.name} ({user.role})" for user in site.users.values())
     out.say(f"Kept in {site.store}. Page: {site.host}:{site.port}. People: {people or 'whoever is at this machine'}.")
+    if certificate is not None:
+        known = f", of {', '.join(certificate.names)}" if certificate.names else ""
+        out.say(f"TLS by {certificate.file}{known}, until {clock_text(certificate.until)}.")
+        _warn_of_end(certificate, out.warn)
     out.record(
         {
             "record": "site",
@@ -89,6 +107,11 @@ def _tell(site: Site, out: Out) -> None:
     )
 
 
+def _warn_of_end(certificate: Certificate | None, warn: Callable[[str], None]) -> None:
+    if certificate is not None and certificate.ends_soon:
+        warn(f"{certificate.file}: the certificate ends at {clock_text(certificate.until)}. Renew it.")
+
+
 def _web_server() -> ModuleType:
     try:
         import fastapi  # noqa: F401, PLC0415 - an extra
@@ -98,25 +121,14 @@ def _web_server() -> ModuleType:
     return uvicorn
 
 
-def _refuse_open_door(site: Site) -> None:
-    """Refuse to be reached from elsewhere where nobody has to log in."""
-    with suppress(ValueError):
-        if ip_address(site.host).is_loopback:
-            return
-    if site.host == "localhost" or site.users:
-        return
-    raise FaultbondError(
-        f"listen: {site.host} can be reached from elsewhere, and there are no users. Name them in the site file, "
-        "or listen on 127.0.0.1."
-    )
-
-
-async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
+async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn: ModuleType) -> int | None:
     """Run service and page; gives the signal that ended it."""
     from faultbond.service.web.application import application  # noqa: PLC0415 - needs fastapi
 
-    door = _bound(site)
-    store = SqliteStore(Path(site.store), tell=out.warn)
+    manager, door = ServiceManager(), bound(site)
+    manager.tell(status="reads its store")
+    _warn_of_end(certificate, _LOG.warning)
+    store = SqliteStore(Path(site.store), tell=_LOG.warning)
     try:
         service = Service(
             site,
@@ -124,21 +136,32 @@ async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
             lambda address, fed: open_source(address, fed, site.options(address)),
             hear=lambda done: _record(out, done),
         )
-        page = application(service, _guard(site), hosts={*LOOPBACK, site.host})
+        names = {*LOOPBACK, site.host, *site.names, *(certificate.names if certificate else ())}
+        page = application(service, _guard(site), hosts=names)
         server = uvicorn.Server(
-            uvicorn.Config(page, log_level="warning", access_log=False, timeout_graceful_shutdown=GRACE)
+            uvicorn.Config(
+                page,
+                log_config=None,  # its events go where ours do
+                access_log=False,
+                timeout_graceful_shutdown=GRACE,
+                ssl_context_factory=(lambda *_: certificate.context) if certificate is not None else None,
+            )
         )
         server.capture_signals = _no_signals  # ours go first
         with door, _signals() as stopped:
             at = f"[{site.host}]" if ":" in site.host else site.host
+            scheme = "http" if certificate is None else "https"
             out.settle()
-            out.say(f"{site.name}: http://{at}:{door.getsockname()[1]}/ - Ctrl-C stops it.")
+            out.say(f"{site.name}: {scheme}://{at}:{door.getsockname()[1]}/ - Ctrl-C stops it.")
             watching = asyncio.create_task(service.run())
             showing = asyncio.create_task(server.serve(sockets=[door]))
             ended = asyncio.create_task(stopped.wait())
+            alive = asyncio.create_task(reassure(manager, lambda: service.is_alive, lambda: _status(service)))
+            manager.tell(UnitState.READY)
             await asyncio.wait((watching, showing, ended), return_when=asyncio.FIRST_COMPLETED)
-            ended.cancel()
-            watching.cancel()
+            manager.tell(UnitState.STOPPING, status="keeps its assets as they stand")
+            for task in (ended, alive, watching):
+                task.cancel()
             with suppress(asyncio.CancelledError):
                 await watching
             page.state.broadcast.close()
@@ -149,24 +172,17 @@ async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
         store.close()
 
 
+def _status(service: Service) -> str:
+    """Say how a service is, in a line."""
+    parts = service.health()["parts"]
+    troubles = [f"{name}: {part['trouble']}" for name, part in parts.items() if not part["ok"]]
+    return "; ".join(troubles) or "all parts work"
+
+
 def _guard(site: Site) -> Guard:
     """Give who may do what."""
     people = {user.name: (user.password, Role[user.role.upper()]) for user in site.users.values()}
     return LoginGuard(users=people) if people else LocalGuard()
-
-
-def _bound(site: Site) -> socket.socket:
-    """Give the socket of the page."""
-    try:
-        return socket.create_server((site.host, site.port), family=_family(site.host), backlog=256)
-    except OSError as error:
-        raise FaultbondError(
-            f"{site.host}:{site.port}: cannot listen there: {error.strerror or error}. Name another by --port."
-        ) from error
-
-
-def _family(host: str) -> socket.AddressFamily:
-    return socket.AF_INET6 if ":" in host else socket.AF_INET
 
 
 class _Stop(asyncio.Event):

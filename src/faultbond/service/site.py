@@ -30,7 +30,7 @@ SITE_KEYS = Keys(
     {
         "name": Key(TEXT, "what the page calls it"),
         "store": Key(TEXT, "file, or address of a database"),
-        "listen": Key({}, "where the page is: `address`, `port`"),
+        "listen": Key({}, "where the page is, and by which certificate"),
         "source": Key(TEXT, "address of the measurements of those assets that name none"),
         "connection": Key({}, "how to log in at sources"),
         "accept": Key({}, "probability from which a rule accepts a diagnosis"),
@@ -39,7 +39,16 @@ SITE_KEYS = Keys(
         "keep": Key({}, "for how many `days` rows and curves are kept"),
     }
 )
-LISTEN_KEYS = Keys({"address": Key(TEXT), "port": Key({})})
+LISTEN_KEYS = Keys(
+    {
+        "address": Key(TEXT),
+        "port": Key({}),
+        "certificate": _FILE,
+        "key": _FILE,
+        "names": Key({}, "under which the page is asked, beside the address and those of the certificate"),
+        "unencrypted": Key({}, "`yes`: others may come without TLS, as where a proxy that has it stands before"),
+    }
+)
 KEEP_KEYS = Keys({"days": Key({})})
 CONNECTION_KEYS = Keys(
     {"user": Key(TEXT)}
@@ -93,9 +102,10 @@ class User:
 class Site:
     """All that a service is told.
 
-    store: file, or address of a database. days: for how long rows and curves are kept; None: for ever. users: none:
-    whoever sits at this machine is an engineer. connection: names and files of the log-in at sources, as the fields of
-    `SourceOptions`.
+    store: file, or address of a database. certificate, key: files for TLS of the page; empty: there is none. names:
+    under which it is asked beside its address. unencrypted: whether others may come without TLS. days: for how long
+    rows and curves are kept; None: for ever. users: none: whoever sits at this machine is an engineer. connection:
+    names and files of the log-in at sources, as the fields of `SourceOptions`.
     """
 
     name: str
@@ -103,6 +113,10 @@ class Site:
     store: str = str(STORE)
     host: str = HOST
     port: int = PORT
+    certificate: str = ""
+    key: str = ""
+    names: tuple[str, ...] = ()
+    unencrypted: bool = False
     days: float | None = None
     users: Mapping[str, User] = field(default_factory=lambda: MappingProxyType({}))
     connection: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
@@ -162,10 +176,26 @@ def read_site(path: Path, *, port: int | None = None) -> Site:
         store=_beside(folder, _text(told, "store", str(STORE))),
         host=_text(listen, "address", HOST),
         port=port if port is not None else PORT if own is None else int(own),
+        **_encryption(listen, folder),
         days=_number(keep, "days", 1e-3, 1e6),
         users=MappingProxyType(dict(_users(told["users"])) if "users" in told else {}),
         connection=MappingProxyType(dict(_connection(told["connection"], folder)) if "connection" in told else {}),
     )
+
+
+def _encryption(listen: Mapping[str, Spot], folder: Path) -> dict[str, Any]:
+    """Give by what the page is known, as fields of `Site`."""
+    for one, other in (("certificate", "key"), ("key", "certificate")):
+        if one in listen and other not in listen:
+            raise listen[one].error(f" is nothing without its `{other}`; name both files")
+    unencrypted = "unencrypted" in listen and listen["unencrypted"].is_yes()
+    if "certificate" in listen and unencrypted:
+        raise listen["unencrypted"].error(" is not so with a certificate; leave one of them out")
+    return {
+        **{name: str(folder / listen[name].text()) for name in ("certificate", "key") if name in listen},
+        "names": tuple(item.text() for item in listen["names"].one_or_more()) if "names" in listen else (),
+        "unencrypted": unencrypted,
+    }
 
 
 def _assets(told: Mapping[str, Spot], folder: Path) -> Iterator[SiteAsset]:

@@ -14,6 +14,8 @@ from faultbond.service.contract.store import Commit, Enrolment, LogPlace, LogSto
 
 EVERY = 60.0  # s between two checkpoints of an asset
 
+GiveUp = Callable[[str, Exception], None]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AssetPlan:
@@ -36,7 +38,11 @@ class Done:
 
 @dataclass(slots=True)
 class _Place:
-    """Where an asset stands. rows, deeds: of its log. kept_at: when its last checkpoint was made."""
+    """Where an asset stands.
+
+    rows, deeds: of its log. kept_at: when its last checkpoint was made. is_given_up: whether it failed unforeseen, so
+    that what it remembers may be half of something; nothing more goes through it, and its log ends before that.
+    """
 
     plan: AssetPlan
     asset: Asset
@@ -44,6 +50,7 @@ class _Place:
     deeds: int
     cursor: str
     kept_at: float
+    is_given_up: bool = False
 
 
 class SiteLog:
@@ -57,12 +64,17 @@ class SiteLog:
     plans : the assets
     store : that keeps them
     clock : gives s, for the time between checkpoints
+    give_up : is told of an asset that failed unforeseen; by default it is raised
     """
 
     def __init__(
-        self, plans: Iterable[AssetPlan], store: LogStore, clock: Callable[[], float] = time.monotonic
+        self,
+        plans: Iterable[AssetPlan],
+        store: LogStore,
+        clock: Callable[[], float] = time.monotonic,
+        give_up: GiveUp | None = None,
     ) -> None:
-        self._store, self._clock = store, clock
+        self._store, self._clock, self._give_up = store, clock, give_up
         self._places = {plan.name: self._restored(plan) for plan in plans}
         self._unwritten: tuple[Commit, ...] = ()
 
@@ -110,12 +122,29 @@ class SiteLog:
     def close(self) -> None:
         """Keep every asset as it stands."""
         self.settle()
-        kept = [Commit(asset=name, checkpoint=place.asset.checkpoint()) for name, place in self._places.items()]
+        whole = {name: place for name, place in self._places.items() if not place.is_given_up}
+        kept = [Commit(asset=name, checkpoint=place.asset.checkpoint()) for name, place in whole.items()]
         self._unwritten = tuple(part for part in kept if part.checkpoint is not None)
         self.settle()
 
     def _take(self, item: Arrivals | Deed) -> Done:
+        """Pass an item on; an asset that fails is given up, and the others go on."""
         place = self._places[item.asset]
+        if not place.is_given_up:
+            try:
+                return self._passed_on(place, item)
+            except Exception as error:
+                self._fails(place, error)
+        told = FaultbondError(f"{item.asset}: it failed and is not watched. Restart the service once it is mended.")
+        return Done(asset=item.asset, outcome=Consequence(), error=told)
+
+    def _fails(self, place: _Place, error: Exception) -> None:
+        if self._give_up is None or isinstance(error, StoreError):
+            raise error
+        place.is_given_up = True
+        self._give_up(place.plan.name, error)
+
+    def _passed_on(self, place: _Place, item: Arrivals | Deed) -> Done:
         if isinstance(item, Arrivals):
             outcome = place.asset.take(item.rows)
             place.rows, place.cursor = place.rows + len(item.rows), item.cursor or place.cursor
@@ -177,6 +206,8 @@ class SiteLog:
         made = []
         for name in dict.fromkeys(part.asset for part in parts):
             place = self._places[name]
+            if place.is_given_up:
+                continue
             if name in told or now - place.kept_at >= EVERY:
                 checkpoint = place.asset.checkpoint()
                 if checkpoint is not None:
@@ -211,6 +242,15 @@ class SiteLog:
             if stand.rows and not stand.checkpoint_rows
             else self._store.log_after(plan.name, place.rows, place.deeds)
         )
+        try:
+            self._repeat(place, behind)
+        except Exception as error:
+            self._fails(place, error)
+        place.rows = stand.rows
+        return place
+
+    def _repeat(self, place: _Place, behind: Iterable[RowBlock | Deed]) -> None:
+        """Let a part of the log pass once more."""
         for item in behind:
             if isinstance(item, RowBlock):
                 place.asset.take(item)
@@ -218,8 +258,6 @@ class SiteLog:
             with suppress(FaultbondError):  # of another version, which may rank otherwise
                 self._do(place, item)
             place.deeds += 1
-        place.rows = stand.rows
-        return place
 
 
 def _begun(plan: AssetPlan, stand: LogPlace) -> tuple[Asset, LogPlace]:

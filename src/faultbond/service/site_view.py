@@ -1,8 +1,8 @@
 """A site as people see it: what its assets, its store and what came of its sources show of each asset."""
 
 import threading
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,15 +16,21 @@ from faultbond.service.contract.store import LogStore
 from faultbond.service.shown import asset_of, curves_of, journal_of, summary_of
 from faultbond.service.site import Site
 from faultbond.service.site_log import Done, SiteLog
+from faultbond.service.sources.queue import DROPPED
+from faultbond.service.supervisor import ServicePart
 
 JOURNAL = 200  # newest deeds that are shown
+NOTES = 3  # newest remarks about the service that are
 
 
 @dataclass(slots=True)
 class _Seen:
-    """What is known of an asset beside its log. counts: of what did not become rows. status: and since when."""
+    """What is known of an asset beside its log.
 
-    arrived: float | None = None
+    heard: when its last row came, s that only grow. counts: of what did not become rows. status: and since when.
+    """
+
+    heard: float | None = None
     status: tuple[Any, ...] = ()
     since: float = 0.0
     counts: Counter[str] = field(default_factory=Counter)
@@ -38,23 +44,50 @@ class SiteView:
     site, log, store : what is shown
     lock : of log and store, between who writes them and who asks
     clock : gives Unix s
+    steady : gives s that only grow
+    parts : what each asset depends on, its source first
     """
 
     def __init__(
-        self, site: Site, log: SiteLog, store: LogStore, lock: threading.Lock, clock: Callable[[], float]
+        self,
+        site: Site,
+        log: SiteLog,
+        store: LogStore,
+        lock: threading.Lock,
+        clock: Callable[[], float],
+        steady: Callable[[], float],
+        parts: Mapping[str, Sequence[ServicePart]],
     ) -> None:
-        self._log, self._store, self._lock, self._clock = log, store, lock, clock
+        self._log, self._store, self._lock, self._clock, self._steady = log, store, lock, clock, steady
+        self._parts = parts
         self._seen = {item.name: _Seen(since=clock()) for item in site.assets}
         self._drawings = {
             item.name: draw(item.plant.graph, dict(assign_causality(item.plant.graph).strokes)) for item in site.assets
         }
+        self._notes: deque[str] = deque(maxlen=NOTES)
         self.is_stopped = False
 
-    def note(self, arrivals: Arrivals) -> None:
+    def note(self, arrivals: Arrivals, *, is_dropped: bool = False) -> None:
         """Note that rows came, and what came with them; who calls has the lock."""
         seen = self._seen[arrivals.asset]
-        seen.arrived = arrivals.arrived
+        if len(arrivals.rows):  # what could not be read is no data
+            seen.heard = self._steady()
         seen.counts.update(arrivals.counts)
+        if is_dropped:
+            seen.counts[DROPPED] += len(arrivals.rows)
+
+    def count(self, assets: Sequence[str], name: str) -> None:
+        """Count what happened to some assets."""
+        with self._lock:
+            for asset in assets:
+                self._seen[asset].counts[name] += 1
+
+    def set_clock(self, moved: float, note: str) -> None:
+        """Take it that the clock was set by so many s, and show a remark about that."""
+        with self._lock:
+            for seen in self._seen.values():
+                seen.since += moved
+            self._notes.append(note)
 
     def summaries(self) -> list[Shown]:
         """Give the summaries of all assets."""
@@ -106,9 +139,13 @@ class SiteView:
         return news
 
     def _summary(self, asset: Asset) -> Shown:
-        seen, now = self._seen[asset.name], self._clock()
+        seen, parts, now = self._seen[asset.name], self._parts[asset.name], self._clock()
+        given_up = [part.trouble for part in parts if part.is_given_up]
         stands = asset_status(
-            asset, silence=None if seen.arrived is None else now - seen.arrived, stopped=self.is_stopped
+            asset,
+            silence=None if seen.heard is None else self._steady() - seen.heard,
+            trouble=parts[0].trouble,
+            unwatched="" if self.is_stopped else given_up[-1] if given_up else None,
         )
         status = (stands.status, stands.monitoring is Monitoring.NO_DATA)
         if seen.status != status:
@@ -118,4 +155,5 @@ class SiteView:
     def _asset(self, asset: Asset) -> Shown:
         deeds = self._store.deeds(asset.name, newest=JOURNAL)
         summary, counts = self._summary(asset), self._seen[asset.name].counts
-        return asset_of(asset, summary, self._drawings[asset.name], deeds, counts, now=self._clock())
+        shown = asset_of(asset, summary, self._drawings[asset.name], deeds, counts, now=self._clock())
+        return {**shown, "notes": [*self._notes, *shown["notes"]]}

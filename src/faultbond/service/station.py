@@ -1,15 +1,18 @@
 """The service at work: arrivals and deeds go through one worker in order, and what is in the store is told to all."""
 
 import asyncio
+import logging
 import threading
 import time
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import aclosing, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from faultbond.errors import SourceError, StoreError
+from faultbond.report.numbers import clock_text, duration_text
 from faultbond.service.contract.face import Request, Shown
 from faultbond.service.contract.messages import Action, Arrivals, Deed
 from faultbond.service.contract.source import LiveSource, Subscriber
@@ -18,32 +21,33 @@ from faultbond.service.hub import Hub
 from faultbond.service.site import Site
 from faultbond.service.site_log import AssetPlan, Done, SiteLog
 from faultbond.service.site_view import SiteView
+from faultbond.service.supervisor import RestartPolicy, ServicePart, supervise
+from faultbond.service.wall_clock import WallClock
 
 MOST_WAITING = 1000  # arrivals and deeds between the sources and the worker; more wait in the sources
 MOST_TOGETHER = 200  # of them that make one transaction
+MOST_ROWS = 5000  # in it, and those of one arrival: a second or two, after which others may ask
 TICK = 1.0  # s between two looks at who has gone silent
 FORGET_EVERY = 600.0  # s between two looks at what is too old
 FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0  # s before a source that was lost is opened again
 RETRY = 1.0  # s before the store is tried again
+LONGEST_STEP = 30.0  # s that the worker may be at one step, before it is taken for stuck
+LOST = "source lost"  # the name under which it is counted
 SETTLING = 0.05  # s between two looks at whether what came of a source is in the store
+
+_LOG = logging.getLogger(__name__)
 
 Open = Callable[[str, Sequence[Subscriber]], LiveSource]
 
 
 @dataclass(slots=True)
 class _Feed:
-    """A source.
-
-    pending: arrivals of it that are not in the store yet. trouble: why it gives nothing now, since when; empty: it
-    does. ended: it has nothing more.
-    """
+    """A source. pending: arrivals of it that are not in the store yet."""
 
     source: LiveSource
     assets: tuple[str, ...]
+    part: ServicePart
     pending: int = 0
-    trouble: str = ""
-    since: float = 0.0
-    ended: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,6 +63,10 @@ def _stands_alone(item: Arrivals | _Wish) -> bool:
     return isinstance(item, _Wish) and item.deed.action is Action.UNDO
 
 
+def _n_rows(item: Arrivals | _Wish) -> int:
+    return len(item.rows) if isinstance(item, Arrivals) else 0
+
+
 class Service:
     """Watches a site and answers for it; it has the face that the page asks.
 
@@ -68,7 +76,9 @@ class Service:
     store : that keeps it
     open_source : gives the source of an address, for who it feeds
     hear : is given what came of every item once it is in the store
-    clock : gives Unix s
+    clock : gives Unix s, of the system's clock, which may be set
+    steady : gives s that only grow, by which it is known who is silent
+    policy : how often a source may fail unforeseen
     """
 
     def __init__(
@@ -79,32 +89,43 @@ class Service:
         *,
         hear: Callable[[Done], None] | None = None,
         clock: Callable[[], float] = time.time,
+        steady: Callable[[], float] = time.monotonic,
+        policy: RestartPolicy | None = None,
     ) -> None:
-        self._site, self._store, self._clock = site, store, clock
+        self._site, self._store, self._clock, self._steady = site, store, clock, steady
         self._hear = hear or (lambda _: None)
-        self._log = SiteLog(
-            [AssetPlan(name=item.name, plant=item.plant, accept=item.accept) for item in site.assets], store
-        )
-        self._began = clock()
+        self._assets = {item.name: ServicePart(name=f"asset {item.name}", since=clock()) for item in site.assets}
+        plans = [AssetPlan(name=item.name, plant=item.plant, accept=item.accept) for item in site.assets]
+        self._log = SiteLog(plans, store, give_up=self._give_up)
         self._lock = threading.Lock()  # of assets and store, between the worker and those who ask
-        self._view = SiteView(site, self._log, store, self._lock, clock)
         addresses = dict.fromkeys(item.source for item in site.assets)
         self._feeds = tuple(self._feed(address, open_source) for address in addresses)
         self._fed = {name: feed for feed in self._feeds for name in feed.assets}
+        parts = {name: (feed.part, self._assets[name]) for name, feed in self._fed.items()}
+        self._view = SiteView(site, self._log, store, self._lock, clock, steady, parts)
+        own = (ServicePart(name=name, since=clock()) for name in ("worker", "store", "page"))
+        self._core, self._kept, self._telling = own
+        self._wall = WallClock(clock, steady)
+        self._answered = steady()  # when the worker was seen at work or idle
+        self._policy = policy or RestartPolicy()
         self._hub = Hub()
         self._inbox: asyncio.Queue[Arrivals | _Wish] = asyncio.Queue(MOST_WAITING)
         self._next: Arrivals | _Wish | None = None  # taken from it, to be done by itself
-        self._store_trouble = ""
 
     async def run(self) -> None:
-        """Watch until cancelled, or until a part fails unforeseen; then keep all assets as they stand."""
+        """Watch until cancelled, or until what cannot be begun anew fails; then keep all assets as they stand.
+
+        A source that fails unforeseen is begun anew, an asset that does is given up. The worker and its store are
+        neither: what they were at may be half done, and is whole after a restart.
+        """
         with ThreadPoolExecutor(1, thread_name_prefix="core") as worker:
             try:
                 async with asyncio.TaskGroup() as tasks:
                     for feed in self._feeds:
-                        tasks.create_task(self._pump(feed))
+                        tasks.create_task(self._supervised(partial(self._pump, feed), feed.part))
                     tasks.create_task(self._work(worker))
-                    tasks.create_task(self._tick())
+                    tasks.create_task(self._look(worker))
+                    tasks.create_task(self._supervised(self._tick, self._telling))
             except ExceptionGroup as failed:
                 raise failed.exceptions[0] from failed
             finally:
@@ -112,6 +133,11 @@ class Service:
                 self._hub.close()
                 with self._lock:
                     self._log.close()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the worker answers; one that is stuck needs another process."""
+        return self._steady() - self._answered < LONGEST_STEP
 
     # What the page asks: see `face.Face`.
 
@@ -139,16 +165,14 @@ class Service:
 
     def health(self) -> Mapping[str, Any]:
         """Tell which parts work."""
-        parts: dict[str, Shown] = {
-            feed.source.address: {
-                "ok": not feed.trouble and not feed.ended,
-                "trouble": feed.trouble or ("it has ended" if feed.ended else ""),
-                "since": feed.since or self._began,
-            }
-            for feed in self._feeds
+        failed = [part for part in self._assets.values() if part.is_given_up]
+        parts = (*(feed.part for feed in self._feeds), self._working(), self._kept, self._telling, *failed)
+        shown = {part.name: part.shown() for part in parts}
+        return {
+            "ok": all(part["ok"] for part in shown.values()) and not self._view.is_stopped,
+            "clock_jumps": self._wall.n_jumps,
+            "parts": shown,
         }
-        parts["store"] = {"ok": not self._store_trouble, "trouble": self._store_trouble, "since": self._began}
-        return {"ok": all(part["ok"] for part in parts.values()) and not self._view.is_stopped, "parts": parts}
 
     def listen(self, most: int = 100) -> AsyncIterator[tuple[str, Shown]]:
         """Give what happens from now on."""
@@ -187,6 +211,10 @@ class Service:
 
     # The tasks.
 
+    async def _supervised(self, work: Callable[[], Awaitable[None]], part: ServicePart) -> None:
+        """Do the work of a part that can be begun anew."""
+        await supervise(work, part, policy=self._policy, clock=self._clock, steady=time.monotonic)
+
     async def _pump(self, feed: _Feed) -> None:
         """Take what a source gives; open it again, later and later, where it is lost."""
         delay = FIRST_DELAY
@@ -197,13 +225,17 @@ class Service:
             try:
                 async with aclosing(feed.source.arrivals(cursors)) as coming:
                     async for arrivals in coming:
-                        feed.trouble, feed.since, delay = "", 0.0, FIRST_DELAY
-                        feed.pending += 1
-                        await self._inbox.put(arrivals)
-                feed.ended, feed.since = True, self._clock()
+                        feed.part.works(self._clock())
+                        delay = FIRST_DELAY
+                        if arrivals:
+                            feed.pending += 1
+                            await self._inbox.put(arrivals)
+                feed.part.ends(self._clock())
                 return
             except SourceError as error:
-                feed.trouble, feed.since = str(error), feed.since or self._clock()
+                if not feed.part.trouble:
+                    await asyncio.to_thread(self._view.count, feed.assets, LOST)
+                feed.part.fails(str(error), self._clock())
             await asyncio.sleep(delay)
             delay = min(2.0 * delay, LONGEST_DELAY)
 
@@ -217,31 +249,61 @@ class Service:
                 await self._settle(worker, items, error)
             self._answer(items, done)
             if self._hub.n_listeners:
-                for name, content in await loop.run_in_executor(worker, self._view.news, done):
-                    self._hub.publish(name, content)
+                await self._tell(worker, done)
             for item in items:
                 if isinstance(item, Arrivals):
                     self._fed[item.asset].pending -= 1
 
+    async def _tell(self, worker: ThreadPoolExecutor, done: Sequence[Done]) -> None:
+        """Tell what was done; who listens misses what cannot be told, and nothing else does."""
+        try:
+            news = await asyncio.get_running_loop().run_in_executor(worker, self._view.news, done)
+        except Exception as error:
+            if not self._telling.trouble:
+                self._telling.breaks(error, self._clock(), is_over=False)
+            return
+        for name, content in news:
+            self._hub.publish(name, content)
+
+    async def _look(self, worker: ThreadPoolExecutor) -> None:
+        """See again and again that the worker answers."""
+        while True:
+            await asyncio.get_running_loop().run_in_executor(worker, int)
+            self._answered = self._steady()
+            await asyncio.sleep(TICK)
+
+    def _working(self) -> ServicePart:
+        """Give how the worker stands."""
+        silence = self._steady() - self._answered
+        if self.is_alive:
+            self._core.works(self._clock())
+        else:
+            told = f"it has been at one step for {duration_text(silence, digits=2)}"
+            self._core.fails(told, self._clock() - silence)
+        return self._core
+
     async def _gathered(self) -> list[Arrivals | _Wish]:
         """Wait for an item, and give it with all that have come besides."""
         first, self._next = self._next or await self._inbox.get(), None
-        items = [first]
-        while len(items) < MOST_TOGETHER and not self._inbox.empty() and not _stands_alone(first):
+        items, n_rows = [first], _n_rows(first)
+        while (
+            len(items) < MOST_TOGETHER and n_rows < MOST_ROWS and not self._inbox.empty() and not _stands_alone(first)
+        ):
             item = self._inbox.get_nowait()
             if _stands_alone(item):
                 self._next = item
                 break
             items.append(item)
+            n_rows += _n_rows(item)
         return items
 
     def _take(self, items: Sequence[Arrivals | _Wish]) -> tuple[list[Done], StoreError | None]:
         """Pass items on and write what came of them, so that nobody sees what is not written, unless that fails."""
         with self._lock:
-            for item in items:
-                if isinstance(item, Arrivals):
-                    self._view.note(item)
             done = self._log.take([item.deed if isinstance(item, _Wish) else item for item in items])
+            for item, what in zip(items, done, strict=True):
+                if isinstance(item, Arrivals):
+                    self._view.note(item, is_dropped=what.error is not None)
             try:
                 self._log.settle()
             except StoreError as error:
@@ -256,10 +318,10 @@ class Service:
             if isinstance(item, _Wish) and not item.answer.done():
                 item.answer.set_exception(StoreError(f"{error} It is tried again until it is written."))
         while error is not None:
-            self._store_trouble = str(error)
+            self._kept.fails(str(error), self._clock())
             await asyncio.sleep(RETRY)
             error = await asyncio.get_running_loop().run_in_executor(worker, self._settled)
-        self._store_trouble = ""
+        self._kept.works(self._clock())
 
     def _settled(self) -> StoreError | None:
         with self._lock:
@@ -279,20 +341,38 @@ class Service:
             elif what.deed is not None:
                 item.answer.set_result(what.deed)
 
+    def _give_up(self, asset: str, error: Exception) -> None:
+        """Note that an asset is not watched any more; the others are."""
+        self._assets[asset].breaks(error, self._clock(), is_over=True)
+
     async def _tick(self) -> None:
         """Tell who has gone silent, or whose shelf has ended."""
         known: dict[str, tuple[Any, ...]] = {}
-        forgotten = self._clock()
+        forgotten = self._steady()
         while True:
             await asyncio.sleep(TICK)
-            if self._site.days is not None and self._clock() - forgotten >= FORGET_EVERY:
-                forgotten = self._clock()
-                await asyncio.to_thread(self._forget, forgotten - 86400.0 * self._site.days)
+            moved = self._wall.jumped()
+            if moved:
+                self._set_clock(moved)
+            if self._site.days is not None and self._steady() - forgotten >= FORGET_EVERY:
+                forgotten = self._steady()
+                await asyncio.to_thread(self._forget, self._wall.believed() - 86400.0 * self._site.days)
             for summary in await asyncio.to_thread(self._view.summaries):
                 now = tuple(str(summary[key]) for key in ("status", "monitoring", "alarm"))
                 if known.get(summary["name"], now) != now:
                     self._hub.publish("summary", summary)
                 known[summary["name"]] = now
+
+    def _set_clock(self, moved: float) -> None:
+        """Tell that the clock of the machine was set, and go on with moments of before by the new one."""
+        told = (
+            f"The clock of this machine was set {'forward' if moved > 0.0 else 'back'} by {duration_text(abs(moved))}"
+        )
+        _LOG.warning("%s.", told)
+        own = (self._core, self._kept, self._telling)
+        for part in (*(feed.part for feed in self._feeds), *self._assets.values(), *own):
+            part.since += moved
+        self._view.set_clock(moved, f"{told}; it was then {clock_text(self._clock())}.")
 
     def _forget(self, older_than: float) -> None:
         """Forget rows and curves from before a time."""
@@ -302,4 +382,6 @@ class Service:
     def _feed(self, address: str, open_source: Open) -> _Feed:
         fed = [item for item in self._site.assets if item.source == address]
         subscribers = [Subscriber(asset=item.name, columns=item.plant.columns, graph=item.plant.graph) for item in fed]
-        return _Feed(source=open_source(address, subscribers), assets=tuple(item.name for item in fed))
+        source = open_source(address, subscribers)
+        part = ServicePart(name=source.address, since=self._clock())
+        return _Feed(source=source, assets=tuple(item.name for item in fed), part=part)

@@ -9,7 +9,7 @@ from arriving import subscriber
 from faultbond.io.row_block import Row
 from faultbond.service.sources.intake import Intake, Quality, Reading
 from faultbond.service.sources.options import SourceOptions
-from faultbond.service.sources.queue import ArrivalQueue
+from faultbond.service.sources.queue import AT_ONCE, ArrivalQueue
 
 
 def row(time: float) -> Row:
@@ -27,6 +27,22 @@ def test_the_oldest_rows_are_dropped_and_counted() -> None:
     assert one.rows.time.tolist() == [2.0, 3.0, 4.0]
     assert (dict(one.counts), dict(two.counts)) == ({"dropped": 2}, {})
     assert [*queue.drain()] == []
+
+
+def test_many_rows_go_on_in_portions() -> None:
+    """In order, with what comes meanwhile; what was counted is told once."""
+    queue = ArrivalQueue([subscriber("one")], 3 * AT_ONCE)
+    for k in range(2 * AT_ONCE + 1):
+        queue.put("one", row(float(k)))
+    queue.count("one", "bad")
+    draining = queue.drain()
+    found = [next(draining)]
+    queue.put("one", row(-1.0))
+    found += draining
+    assert [len(item.rows) for item in found] == [AT_ONCE, AT_ONCE, 2]
+    times = np.concatenate([item.rows.time for item in found])
+    np.testing.assert_array_equal(times, [*range(2 * AT_ONCE + 1), -1.0])
+    assert [dict(item.counts) for item in found] == [{"bad": 1}, {}, {}]
 
 
 def test_what_is_counted_is_told_without_a_row() -> None:

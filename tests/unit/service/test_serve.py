@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,9 @@ from faultbond.cli import main
 from faultbond.errors import FaultbondError
 from faultbond.io.out import Out
 from faultbond.service.program import serve
-from faultbond.service.site import Site, SiteAsset
+from faultbond.service.site import Site, SiteAsset, User
 from faultbond.service.store.sqlite import SqliteStore
-from faultbond.service.web.security import matches
+from faultbond.service.web.security import hashed, matches
 from loop_asset import MODEL, RECORDING, plant
 
 httpx = pytest.importorskip("httpx", reason="there is no httpx: pip install httpx")
@@ -103,6 +104,23 @@ def test_who_can_be_reached_from_elsewhere_needs_users(host: str) -> None:
         serve(site(host=host), out=QUIET)
 
 
+def test_who_can_be_reached_from_elsewhere_needs_tls_or_a_word() -> None:
+    """Nobody reads passwords on the way, unless somebody says that another one sees to it."""
+    users = {"anna": User(name="anna", role="view", password=hashed("open sesame"))}
+    open_door = site(host="0.0.0.0", users=users)  # noqa: S104
+    with pytest.raises(FaultbondError, match=r"listen: 0.0.0.0 can be reached .* passwords could be read on the way"):
+        serve(open_door, out=QUIET, check=True)
+    serve(replace(open_door, unencrypted=True), out=QUIET, check=True)
+    for host in ("127.0.0.2", "::1", "localhost"):
+        serve(site(host=host), out=QUIET, check=True)
+
+
+def test_who_is_asked_through_a_proxy_needs_users() -> None:
+    """To this machine all who come through it come from here."""
+    with pytest.raises(FaultbondError, match=r"listen: names: whoever asks for plant.example through a proxy"):
+        serve(site(names=("plant.example",)), out=QUIET, check=True)
+
+
 def test_a_port_that_is_taken_is_told(tmp_path: Path) -> None:
     """In a line, with what to do."""
     with socket.create_server(("127.0.0.1", 0)) as door:
@@ -130,6 +148,36 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path, capsys: pytest.Cap
     assert main(["serve", "--site", str(path), "--check", "--json", "-"]) == 0
     (record,) = map(json.loads, capsys.readouterr().out.splitlines())
     assert (record["record"], [item["name"] for item in record["assets"]]) == ("site", ["loop"])
+
+
+def test_the_log_is_written_as_asked(tmp_path: Path) -> None:
+    """A source that is not there is one event, and a defect one with its traceback."""
+    source = ("--source", f"file:{tmp_path / 'absent.csv'}", "--log", "json")
+    port = free_port()
+    with served(tmp_path, port, *source) as process:
+        until(port, lambda found: "absent.csv" in found["headline"])
+        process.send_signal(signal.SIGTERM)
+        _, complained = process.communicate(timeout=LONGEST)
+    (told,) = map(json.loads, complained.splitlines())
+    assert (told["level"], told["logger"]) == ("warning", "faultbond.service.supervisor")
+    assert told["message"].startswith(f"file:{tmp_path / 'absent.csv'}: ")
+
+
+def test_what_nobody_foresaw_ends_with_its_traceback(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In the log, since nobody can run it once more for that; the exit code is that of a defect."""
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("faultbond.service.site_log.SiteLog.settle", broken)
+    monkeypatch.chdir(tmp_path)
+    assert main(["serve", str(MODEL), "--port", "0", "--log", "journal"]) == 3
+    complained = capsys.readouterr().err.splitlines()
+    assert "<2>The service ends; started again, it goes on from its log." in complained
+    assert "<2>ZeroDivisionError" in complained
+    assert complained[-1].startswith("faultbond: internal error: ZeroDivisionError")
 
 
 def test_a_password_is_hashed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -25,7 +25,7 @@ name: hall 7
 store: kept.sqlite
 source: mqtt://broker/plant/+
 accept: 0.99
-listen: {address: 0.0.0.0, port: 9000}
+listen: {address: 0.0.0.0, port: 9000, certificate: page.pem, key: page.key, names: [plant.example, hall]}
 keep: {days: 30}
 assets:
   left: {model: loop.yaml}
@@ -37,6 +37,8 @@ users:
 """
     site = read_site(written(tmp_path, text))
     assert (site.name, site.host, site.port, site.days) == ("hall 7", "0.0.0.0", 9000, 30.0)  # noqa: S104
+    assert (site.certificate, site.key) == (str(tmp_path / "page.pem"), str(tmp_path / "page.key"))
+    assert (site.names, site.unencrypted) == (("plant.example", "hall"), False)
     assert site.store == str(tmp_path / "kept.sqlite")
     assert [(item.name, item.source, item.accept) for item in site.assets] == [
         ("left", "mqtt://broker/plant/+", 0.99),
@@ -68,6 +70,22 @@ def test_little_is_enough(tmp_path: Path) -> None:
         ("assets:\n  a: {source: x}\n", "site.yaml:2: asset a: `model` is missing; write `model: FILE`"),
         ("assets: {a: {model: no.yaml}}\n", "no.yaml: cannot be read"),
         ("assets: {a: {model: loop.yaml}}\naccept: 2\n", "site.yaml:2: accept is a number from 0.5 to 1, not `2`"),
+        (
+            "assets: {a: {model: loop.yaml}}\nlisten: {certificate: a.pem}\n",
+            "site.yaml:2: listen: certificate is nothing without its `key`; name both files",
+        ),
+        (
+            "assets: {a: {model: loop.yaml}}\nlisten: {key: a.pem}\n",
+            "listen: key is nothing without its `certificate`; name both files",
+        ),
+        (
+            "assets: {a: {model: loop.yaml}}\nlisten: {certificate: a, key: b, unencrypted: yes}\n",
+            "listen: unencrypted is not so with a certificate; leave one of them out",
+        ),
+        (
+            "assets: {a: {model: loop.yaml}}\nlisten: {unencrypted: 1}\n",
+            "listen: unencrypted is `yes` or `no`, not `1`",
+        ),
         ("assets: {a: {model: loop.yaml}}\nlisten: {port: x}\n", "listen: port is a number from 0 to 65535, not `x`"),
         (
             "assets: {a: {model: loop.yaml}}\nusers: {b: {role: boss}}\n",

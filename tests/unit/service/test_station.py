@@ -1,58 +1,20 @@
 """The service at work: sources that fail and come back, a store that does, people, and who listens."""
 
 import asyncio
-from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping, Sequence
+from collections.abc import AsyncGenerator, Mapping, Sequence
 from typing import Any
 
 import pytest
 
-from faultbond.errors import FaultbondError, SourceError, StoreError
+from faultbond.errors import FaultbondError, StoreError
 from faultbond.io.row_block import RowBlock
-from faultbond.service.contract.face import Request, Shown
+from faultbond.service.asset import Asset
+from faultbond.service.contract.face import Request
 from faultbond.service.contract.messages import Action, Arrivals
-from faultbond.service.contract.source import LiveSource, Subscriber
 from faultbond.service.contract.store import Commit
-from faultbond.service.site import Site, SiteAsset
-from faultbond.service.station import Service
-from loop_asset import FOUND, plant, rows
+from loop_asset import FOUND, rows
 from memory_store import MemoryStore
-
-TIMEOUT = 60.0
-
-
-class Clock:
-    """Unix seconds that a test sets."""
-
-    def __init__(self) -> None:
-        self.now = 1000.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-class PlayedSource:
-    """Gives portions of rows from its cursor on. lost_at: where it is lost, once. ends: lets it end."""
-
-    address = "played:"
-
-    def __init__(self, clock: Clock, portion: int = 50, last: int = FOUND, lost_at: int | None = None) -> None:
-        self.clock, self.portion, self.last, self.lost_at = clock, portion, last, lost_at
-        self.begun: list[str] = []
-        self.ends = asyncio.Event()
-
-    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncGenerator[Arrivals, None]:
-        """See `LiveSource`."""
-        first = int(cursors.get("loop") or 0)
-        self.begun.append(str(first))
-        while first < self.last:
-            if self.lost_at is not None and first >= self.lost_at:
-                self.lost_at = None
-                raise SourceError("played: is gone")
-            last = min(first + self.portion, self.last)
-            some: RowBlock = rows().part(slice(first, last))
-            yield Arrivals(asset="loop", rows=some, arrived=self.clock(), cursor=str(last), counts={"dropped": 1})
-            first = last
-        await self.ends.wait()
+from played import QUICK, TIMEOUT, Clock, Played, PlayedSource, play
 
 
 class FailingStore(MemoryStore):
@@ -65,54 +27,6 @@ class FailingStore(MemoryStore):
             self.failures -= 1
             raise StoreError("kept.sqlite: the disk is full.")
         super().commit(parts)
-
-
-class Played:
-    """A service that watches the loop in a test."""
-
-    def __init__(self, store: MemoryStore | None = None, **source: Any) -> None:
-        self.clock, self.store = Clock(), store or MemoryStore()
-        self.source = PlayedSource(self.clock, **source)
-        site = Site(name="hall", assets=(SiteAsset(name="loop", plant=plant(), source="played:"),))
-        self.service = Service(site, self.store, self._opened, clock=self.clock)
-
-    def _opened(self, address: str, subscribers: Sequence[Subscriber]) -> LiveSource:
-        assert [item.asset for item in subscribers] == ["loop"]
-        return self.source
-
-    @property
-    def summary(self) -> Shown:
-        """The summary of the loop."""
-        (found,) = self.service.site()["assets"]
-        return dict(found)
-
-    async def until(self, is_so: Callable[[], bool]) -> None:
-        """Wait for something."""
-        while not is_so():
-            await asyncio.sleep(0.01)
-
-    def passed(self, n: int) -> bool:
-        """Whether so many samples have passed."""
-        return int(self.summary["samples"]) >= n
-
-    async def do(self, action: Action, *target: str, minutes: float | None = None) -> Shown:
-        """Do something as Anna."""
-        wish = Request(asset="loop", action=action, who="anna", comment="so", target=target, minutes=minutes)
-        return await self.service.do(wish)
-
-
-def play(played: Played, course: Callable[[Played], Awaitable[None]]) -> None:
-    """Run a service beside what a test does with it, and stop it then."""
-
-    async def all_of_it() -> None:
-        running = asyncio.create_task(played.service.run())
-        doing = asyncio.ensure_future(course(played))
-        await asyncio.wait((running, doing), return_when=asyncio.FIRST_COMPLETED)
-        running.cancel()
-        await asyncio.gather(running, return_exceptions=True)
-        await doing
-
-    asyncio.run(asyncio.wait_for(all_of_it(), TIMEOUT))
 
 
 def test_an_alarm_is_shown_acknowledged_and_accepted() -> None:
@@ -193,13 +107,30 @@ def test_no_data_is_never_normal() -> None:
         assert (played.summary["monitoring"], played.summary["status"]) == ("no data", "CHECK_FUNCTION")
         await played.until(lambda: played.passed(600))
         assert (played.summary["monitoring"], played.summary["status"]) == ("running", "NORMAL")
-        played.clock.now += 9.9
+        played.steady.now += 9.9
         assert played.summary["monitoring"] == "running"
-        played.clock.now += 0.2
+        played.steady.now += 0.2
         assert (played.summary["monitoring"], played.summary["status"]) == ("no data", "CHECK_FUNCTION")
         assert played.summary["headline"].startswith("No data for 10 s.")
 
     play(Played(last=600), course)
+
+
+def test_what_cannot_be_read_is_no_data() -> None:
+    """A source that gives nothing but what it counts is silent."""
+
+    class Garbled(PlayedSource):
+        async def arrivals(self, cursors: Mapping[str, str]) -> AsyncGenerator[Arrivals, None]:
+            while True:
+                yield Arrivals(asset="loop", rows=rows().part(slice(0)), arrived=0.0, counts={"unreadable": 1})
+                await asyncio.sleep(0.01)
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.service.asset("loop")["counts"].get("unreadable", 0) > 3)
+        assert (played.summary["monitoring"], played.summary["status"]) == ("no data", "CHECK_FUNCTION")
+        assert played.service.health()["ok"]
+
+    play(Played(opened=lambda _, subscribers: Garbled(Clock(), subscribers)), course)
 
 
 def test_a_store_that_cannot_be_written_stops_nothing_and_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -217,6 +148,24 @@ def test_a_store_that_cannot_be_written_stops_nothing_and_loses_nothing(monkeypa
         assert [item.action for item in store.deeds()] == [Action.SUPPRESS]
 
     play(Played(store, last=300), course)
+
+
+def test_what_waits_is_taken_in_portions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However much came at once, as after a night without the service: others may ask between two of them."""
+    monkeypatch.setattr("faultbond.service.station.MOST_ROWS", 120)
+    taken: list[int] = []
+
+    class Listing(MemoryStore):
+        def commit(self, parts: Sequence[Commit]) -> None:
+            taken.append(sum(len(part.rows) for part in parts if part.rows is not None))
+            super().commit(parts)
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(FOUND))
+
+    play(Played(Listing(), portion=50), course)
+    assert sum(taken) == FOUND
+    assert max(taken) == 150  # the portion with which there are enough is the last
 
 
 def test_it_goes_on_where_it_stopped() -> None:
@@ -270,20 +219,188 @@ def test_a_report_and_curves_of_what_was_seen() -> None:
     play(Played(), course)
 
 
-def test_what_is_not_foreseen_ends_the_service_with_what_it_was() -> None:
-    """Not with a group of errors that says nothing; what was taken until then is kept."""
-    store = MemoryStore()
+def test_a_source_that_fails_unforeseen_is_begun_anew_behind_what_came(caplog: pytest.LogCaptureFixture) -> None:
+    """Nothing is there twice or missing, and the log has the traceback."""
+    played = Played(lost_at=500, loss=ZeroDivisionError("by nothing"))
 
-    played = Played(store, last=300)
-    played.source.ends.set()
-    played.service._tick = broken  # type: ignore[method-assign]
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(FOUND))
+        part = played.service.health()["parts"]["played:"]
+        assert (part["ok"], part["restarts"]) == (True, 1)
+        assert played.source.begun == ["0", "500"]
+
+    play(played, course)
+    (log,) = played.store.logs.values()
+    assert len(log.rows) == FOUND
+    (failed,) = [record for record in caplog.records if record.exc_info]
+    assert failed.getMessage() == "played: failed unforeseen (ZeroDivisionError: by nothing) and is begun anew."
+
+
+def test_a_source_that_fails_too_often_is_given_up() -> None:
+    """Its assets are not judged any more, and say why; what was seen stays there, and people go on deciding."""
+    played = Played(lost_at=FOUND, loss=ZeroDivisionError("by nothing"), losses=99, last=FOUND + 1)
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: bool(played.service.health()["parts"]["played:"]["given_up"]))
+        health = played.service.health()
+        assert (health["ok"], health["parts"]["played:"]["restarts"]) == (False, QUICK.most)
+        shown = played.summary
+        assert (shown["status"], shown["monitoring"], shown["samples"]) == ("CHECK_FUNCTION", "stopped", FOUND)
+        assert shown["headline"].startswith(
+            "Not watched: played: failed unforeseen (ZeroDivisionError: by nothing) and is given up; restart the "
+            "service once it is mended. Alarm at "
+        )
+        assert (await played.do(Action.ACKNOWLEDGE))["who"] == "anna"
+        assert len(played.source.begun) == QUICK.most + 1
+
+    play(played, course)
+
+
+class PoisonError(Exception):
+    """What no asset foresees."""
+
+
+def test_an_asset_that_fails_unforeseen_is_given_up_and_the_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its log ends before what it failed at, so that a mended faultbond goes on from there; nothing half is kept."""
+    monkeypatch.setattr("faultbond.service.site_log.EVERY", 0.0)
+    take = Asset.take
+
+    def poisoned(asset: Asset, some: RowBlock) -> Any:
+        taken = take(asset, some)
+        if asset.name == "loop" and asset.counts.samples > 350:
+            raise PoisonError("at a row")
+        return taken
+
+    store = MemoryStore()
+    with monkeypatch.context() as patched:
+        patched.setattr(Asset, "take", poisoned)
+
+        async def course(played: Played) -> None:
+            await played.until(lambda: played.service.site()["assets"][1]["samples"] >= FOUND)
+            loop, other = played.service.site()["assets"]
+            assert (loop["status"], loop["monitoring"]) == ("CHECK_FUNCTION", "stopped")
+            assert loop["headline"].startswith("Not watched: asset loop failed unforeseen (PoisonError: at a row)")
+            assert (other["status"], other["monitoring"]) == ("FAILURE", "running")
+            health = played.service.health()
+            assert [name for name, part in health["parts"].items() if not part["ok"]] == ["asset loop"]
+            counts = played.service.asset("loop")["counts"]
+            assert counts["dropped"] == FOUND - 350 + FOUND // 50  # one of each portion by its source
+            with pytest.raises(FaultbondError, match="loop: it failed and is not watched"):
+                await played.do(Action.SUPPRESS)
+
+        play(Played(store, assets=("loop", "other")), course)
+    assert {asset: len(log.rows) for (asset, _), log in store.logs.items()} == {"loop": 350, "other": FOUND}
+
+    async def mended(played: Played) -> None:
+        await played.until(lambda: played.passed(FOUND))
+        assert played.summary["status"] == "FAILURE"
+        assert played.service.asset("loop")["counts"].keys() == {"samples", "dropped"}
+
+    play(Played(store, assets=("loop", "other")), mended)
+
+
+def test_what_cannot_be_told_does_not_end_the_watch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A defect of what the page shows is no reason to stop looking at the plant."""
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("faultbond.service.site_view.curves_of", broken)
+
+    async def course(played: Played) -> None:
+        async def listens() -> None:
+            async for _ in played.service.listen():
+                pass
+
+        listening = asyncio.create_task(listens())
+        await played.until(lambda: played.passed(FOUND))
+        await played.until(lambda: not played.service.health()["parts"]["page"]["ok"])
+        assert played.summary["status"] == "FAILURE"
+        listening.cancel()
+
+    play(Played(), course)
+
+
+def test_what_cannot_be_begun_anew_ends_the_service_with_what_it_was() -> None:
+    """Not with a group of errors that says nothing; what was taken until then is kept."""
+
+    def broken(done: object) -> None:
+        if played.summary["samples"] >= 300:
+            raise ZeroDivisionError
+
+    store = MemoryStore()
+    played = Played(store, hear=broken)
     with pytest.raises(ZeroDivisionError):
         asyncio.run(asyncio.wait_for(played.service.run(), TIMEOUT))
     (log,) = store.logs.values()
-    assert log.checkpoints[-1].checkpoint_rows == len(log.rows) > 0
+    assert log.checkpoints[-1].checkpoint_rows == len(log.rows) >= 300
+    assert played.summary["monitoring"] == "stopped"
 
 
-async def broken() -> None:
-    """Fail once something has come."""
-    await asyncio.sleep(0.5)
-    raise ZeroDivisionError
+HOUR = 3600.0
+
+
+@pytest.mark.parametrize("moved", [HOUR, -HOUR])
+def test_a_clock_that_is_set_is_told_and_changes_nothing_that_is_seen(
+    moved: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nobody is silent by it, for no time at all and not for an hour; what is shown since when moves with it."""
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(600))
+        since = played.summary["since"]
+        played.steady.now += 5.0
+        played.clock.now += 5.0 + moved
+        assert (played.summary["monitoring"], played.summary["status"]) == ("running", "NORMAL")
+        await played.until(lambda: played.service.health()["clock_jumps"] == 1)
+        assert (played.summary["monitoring"], played.summary["status"]) == ("running", "NORMAL")
+        assert played.summary["since"] == since + moved
+        assert played.service.health()["ok"]
+        (note,) = played.service.asset("loop")["notes"]
+        way = "forward" if moved > 0.0 else "back"
+        assert note.startswith(f"The clock of this machine was set {way} by 60 min; it was then 2026-11-1")
+        played.steady.now += 5.1
+        assert played.summary["monitoring"] == "no data"
+
+    play(Played(last=600), course)
+    assert [message for message in caplog.messages if "clock" in message] != []
+
+
+def test_a_shelf_ends_by_the_clock_of_people() -> None:
+    """It is a time of day, which is kept; a clock that is set forward ends it, which calls too early, not too late."""
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(FOUND))
+        await played.do(Action.SHELVE, minutes=30.0)
+        played.steady.now += HOUR
+        assert played.summary["alarm"]["state"] == "shelved"
+        played.clock.now += HOUR
+        assert played.summary["alarm"]["state"] == "unacknowledged"
+
+    play(Played(), course)
+
+
+@pytest.mark.parametrize("moved", [HOUR, -HOUR])
+def test_a_clock_of_the_source_that_is_set_raises_no_alarm_and_hides_none(moved: float) -> None:
+    """As of values that come without a time of their own: each row is used, each record is there once."""
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(700))
+        assert played.summary["alarm"] is None
+        played.source.holds.set()
+        await played.until(lambda: played.summary["best"] is not None)
+        assert (played.summary["status"], played.summary["monitoring"]) == ("FAILURE", "running")
+
+    some: dict[str, Any] = {"portion": 25, "pace": 0.001, "hold_at": 720, "last": FOUND + 50}
+    still, moving = Played(**some), Played(**some, jump=(400, moved))
+    play(still, course)
+    play(moving, course)
+    counts = moving.service.asset("loop")["counts"]
+    assert counts["clock_jumps"] == 1
+    assert counts.keys() == {"samples", "clock_jumps", "dropped"}
+    records = list(moving.store.records())
+    assert len({item.id for item in records}) == len(records)
+    assert not moving.store.contested
+    detections = [[item for item in played.store.records() if item.kind == "detection"] for played in (still, moving)]
+    assert [len(found) for found in detections] == [1, 1]
+    assert abs(detections[1][0].time - moved - detections[0][0].time) < 1.0

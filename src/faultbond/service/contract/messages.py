@@ -86,6 +86,10 @@ class Arrivals:
     cursor: str = ""
     counts: Mapping[str, int] = field(default_factory=lambda: NOTHING)
 
+    def __bool__(self) -> bool:
+        """Whether there is something in them."""
+        return bool(len(self.rows) or self.counts)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NamedRecord:

@@ -22,7 +22,7 @@ class LiveSource(Protocol):
     """Gives arrivals until it ends or is cancelled. It is opened by `arrivals`, and closes what it opened.
 
     A source that loses its other side says so by `SourceError`; who runs it begins again, behind the cursors of what
-    has come. Nothing here writes into the plant.
+    has come. Arrivals with nothing in them say that it has its other side again. Nothing here writes into the plant.
     """
 
     @property

@@ -25,10 +25,10 @@ from faultbond.io.recording import RowFeed, read_blocks
 from faultbond.io.row_block import RowBlock, joined
 from faultbond.service.contract.messages import Arrivals
 from faultbond.service.contract.source import Subscriber
-from faultbond.service.sources.queue import no_rows
+from faultbond.service.sources.queue import connected, no_rows
 
 POLL = 0.2  # s between two looks at a file that does not grow
-MOST_READ = 2**20  # bytes at once
+MOST_READ = 2**16  # bytes at once; some thousand rows, so that who takes them is soon done
 MARK = 256  # bytes before the place, by which a file that was written anew is known
 UNREADABLE, BEGUN_ANEW = "unreadable", "begun anew"
 GONE = 5.0  # s for which a file may be absent, as between the two steps in which logs are rotated
@@ -230,14 +230,18 @@ class GrowingFile:
     async def arrivals(self, cursors: Mapping[str, str]) -> AsyncGenerator[Arrivals, None]:
         """Give what is in the file, and what comes; it does not end."""
         followers = [_Follower(self._path, item, cursors.get(item.asset, "")) for item in self._subscribers]
+        is_told = False
         try:
             while True:
                 is_idle = True
                 for follower in followers:
                     found = await asyncio.to_thread(follower.poll)
                     if found is not None:
-                        is_idle = False
+                        is_idle, is_told = False, True
                         yield found
+                if not is_told:
+                    is_told = True
+                    yield connected(self._subscribers[0])
                 if is_idle:
                     await asyncio.sleep(POLL)
         finally:

@@ -16,7 +16,7 @@ from faultbond.service.contract.source import Subscriber
 from faultbond.service.sources.intake import Intake
 from faultbond.service.sources.json_payload import JsonForm
 from faultbond.service.sources.options import SourceOptions
-from faultbond.service.sources.queue import ArrivalQueue
+from faultbond.service.sources.queue import ArrivalQueue, connected
 
 GATHER = 0.1  # s between what goes out
 KEEP_ALIVE = 10  # s between signs of life, so that a network that is cut is noticed
@@ -96,6 +96,7 @@ class MqttSource:
             async with client:
                 for wanted in dict.fromkeys(self._filters.values()):
                     await self._subscribe(client, wanted)
+                yield connected(self._subscribers[0])
                 lost = asyncio.ensure_future(anext(client.messages))
                 try:
                     while not (await asyncio.wait({lost}, timeout=GATHER))[0]:

@@ -23,7 +23,7 @@ from faultbond.service.contract.messages import Arrivals
 from faultbond.service.contract.source import Subscriber
 from faultbond.service.sources.intake import Intake, Quality, Reading
 from faultbond.service.sources.options import SourceOptions
-from faultbond.service.sources.queue import ArrivalQueue
+from faultbond.service.sources.queue import ArrivalQueue, connected
 
 POLICIES: Mapping[str, Any] = {
     "Basic256Sha256": security_policies.SecurityPolicyBasic256Sha256,
@@ -93,6 +93,7 @@ class OpcUaSource:
             async with AsyncExitStack() as stack:
                 client = await self._connected(stack)
                 taking = await self._taking(client, intakes, stack)
+                yield connected(self._subscribers[0])
                 while not (await asyncio.wait({taking}, timeout=GATHER))[0]:
                     for found in self._queue.drain():
                         yield found

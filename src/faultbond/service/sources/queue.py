@@ -11,6 +11,7 @@ from faultbond.service.contract.messages import Arrivals
 from faultbond.service.contract.source import Subscriber
 
 DROPPED = "dropped"
+AT_ONCE = 2000  # rows that go on together, so that who takes them is soon done
 
 
 class ArrivalQueue:
@@ -43,12 +44,18 @@ class ArrivalQueue:
     def drain(self) -> Iterator[Arrivals]:
         """Give what waits, and what was counted since the last time."""
         for asset, rows in self._rows.items():
-            counts = self._counts[asset]
-            if not rows and not +counts:
+            if not rows and not +self._counts[asset]:
                 continue
-            self._counts[asset], self._rows[asset] = Counter(), deque()
-            block = block_of_rows(list(rows)) if rows else no_rows(self._subscribers[asset])
-            yield Arrivals(asset=asset, rows=block, arrived=time.time(), counts=dict(+counts))
+            for _ in range(0, max(len(rows), 1), AT_ONCE):
+                part = [rows.popleft() for _ in range(min(len(rows), AT_ONCE))]
+                counts, self._counts[asset] = self._counts[asset], Counter()
+                block = block_of_rows(part) if part else no_rows(self._subscribers[asset])
+                yield Arrivals(asset=asset, rows=block, arrived=time.time(), counts=dict(+counts))
+
+
+def connected(subscriber: Subscriber) -> Arrivals:
+    """Give what says that a source has its other side, and nothing more."""
+    return Arrivals(asset=subscriber.asset, rows=no_rows(subscriber), arrived=time.time())
 
 
 def no_rows(subscriber: Subscriber) -> RowBlock:

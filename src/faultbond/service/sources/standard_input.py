@@ -15,7 +15,7 @@ from faultbond.service.sources.growing_file import UNREADABLE, all_rows
 
 GATHER = 0.1  # s for which rows are gathered that go out together
 PATIENCE = 0.5  # s after which a read that brought nothing is begun anew, so that it can be given up
-MOST_READ = 2**20  # bytes that go out together
+MOST_READ = 2**16  # bytes that go out together
 TITLE = "standard input"
 
 

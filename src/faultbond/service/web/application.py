@@ -270,10 +270,12 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
     seen_of_one = _refusals(401, 403, 404, 422)
 
     @router.get("/health", response_model=HealthShape, responses={503: {"model": HealthShape}})
-    async def health() -> Response:
-        """Tell whether the service is well; 503 where it is not."""
+    async def health(request: Request) -> Response:
+        """Tell whether the service is well; 503 where it is not. Of its parts only those are told who are logged in."""
         told = dict(face.health())
-        return JSONResponse(told, 200 if told.get("ok") else 503)
+        is_known = guard.who(request.cookies.get(COOKIE)) is not None  # a cookie may come with it, and need not
+        shown = told if is_known else {"ok": told["ok"]}
+        return JSONResponse(shown, 200 if told["ok"] else 503)
 
     @router.get("/api/v1/site", response_model=SiteShape, responses=seen, dependencies=[viewer])
     def site() -> Response:

@@ -70,7 +70,7 @@ class DoneShape(Shape):
 
 
 class HealthShape(Shape):
-    """Whether the service is well; of its parts, whether each runs, and since when it does not (Unix s)."""
+    """Whether the service is well; to who is logged in also of its parts, how each stands and since when (Unix s)."""
 
     ok: bool
 

@@ -296,6 +296,8 @@ def test_nobody_sees_anything_without_login(guarded: Callable[..., Asked]) -> No
         assert is_refused(asked("GET", f"/api/v1/{path}"), 401)
     assert is_refused(asked.do(action="acknowledge"), 401)
     assert [asked("GET", path).status_code for path in ("/", "/health")] == [200, 200]
+    assert asked("GET", "/health").json() == {"ok": True}
+    assert "store" in guarded("viola")("GET", "/health").json()
 
 
 def test_a_session_is_kept_from_scripts_and_strangers(guarded: Callable[..., Asked]) -> None:
