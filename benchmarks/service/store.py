@@ -17,7 +17,8 @@ import numpy as np
 from faultbond.io.row_block import RowBlock
 from faultbond.service.contract.messages import Curves
 from faultbond.service.contract.store import Commit, Enrolment
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
+from faultbond.service.store.relational import RelationalStore
 
 N_INPUTS, N_OUTPUTS = 5, 15
 
@@ -30,9 +31,9 @@ def main() -> None:
             measure(Path(folder) / "plant.db")
 
 
-def enrolled(path: Path, names: list[str], n_inputs: int = N_INPUTS, n_outputs: int = N_OUTPUTS) -> SqliteStore:
+def enrolled(path: Path, names: list[str], n_inputs: int = N_INPUTS, n_outputs: int = N_OUTPUTS) -> RelationalStore:
     """Give a new store that knows some assets."""
-    store = SqliteStore(path, reserve=0)
+    store = open_store(path, reserve=0)
     for name in names:
         store.enrol(
             Enrolment(asset=name, model_sha256="0" * 64, label="m", text="", n_inputs=n_inputs, n_outputs=n_outputs)
@@ -80,7 +81,7 @@ def told(what: str, times: list[float]) -> None:
     print(f"{what}: p50 {p50:.2f} ms, p99 {p99:.2f} ms, longest {most:.1f} ms")
 
 
-def size_of(store: SqliteStore, kind: int) -> float:
+def size_of(store: RelationalStore, kind: int) -> float:
     """Give bytes a row of large chunks."""
     statement = "SELECT sum(length(content) + coalesce(length(overview), 0)) * 1.0 / sum(count) FROM chunks"
     return float(store._database.number(f"{statement} WHERE kind=? AND dense=1", kind))
@@ -154,7 +155,7 @@ def forgetting(path: Path) -> None:
         rows = rows_of(values[first % 100_000 : first % 100_000 + 1000], first)
         store.commit([Commit(asset="a", rows=rows, arrived=float(first), curves=curves_of(rows))])
     store.commit([Commit(asset="a", checkpoint=b"state")])
-    store._database.settle()
+    store._database.shrink()
     before = path.stat().st_size
     took = timed(lambda: store.retain(at_most=before // 2))
     print(f"forgetting half of {before / 1e6:.0f} MB: {took:.0f} ms, {path.stat().st_size / 1e6:.0f} MB are left")

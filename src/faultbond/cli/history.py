@@ -25,10 +25,10 @@ def add_period(parser: argparse.ArgumentParser) -> None:
 def show_history(arguments: argparse.Namespace, out: Out) -> None:
     """Call the verb."""
     from faultbond.service.history import Excerpt, tell_history  # noqa: PLC0415 - not all need it
-    from faultbond.service.store.sqlite import SqliteStore  # noqa: PLC0415
+    from faultbond.service.store.opening import open_store  # noqa: PLC0415
 
     wanted = Excerpt(asset=arguments.asset, begin=arguments.begin, end=arguments.end)
-    with closing(SqliteStore(arguments.kept, writes=False)) as store:
+    with closing(open_store(arguments.kept, writes=False)) as store:
         tell_history(store, wanted, output=arguments.output, out=out)
 
 

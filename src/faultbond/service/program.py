@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from getpass import getpass
 from ipaddress import ip_address
-from pathlib import Path
 from types import ModuleType
 
 from faultbond.app.signals import STOPPING, Stopped
@@ -20,7 +19,7 @@ from faultbond.service.site import Site
 from faultbond.service.site_log import Done
 from faultbond.service.sources.opening import open_source
 from faultbond.service.station import Service
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
 from faultbond.service.web.security import Guard, LocalGuard, LoginGuard, Role, hashed
 from faultbond.service.web.shield import LOOPBACK
 
@@ -116,7 +115,7 @@ async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
     from faultbond.service.web.application import application  # noqa: PLC0415 - needs fastapi
 
     door = _bound(site)
-    store = SqliteStore(Path(site.store), tell=out.warn)
+    store = open_store(site.store, tell=out.warn)
     try:
         service = Service(
             site,

@@ -22,7 +22,8 @@ from faultbond.service.contract.messages import Action, Deed, NamedRecord
 from faultbond.service.contract.store import Commit, Enrolment
 from faultbond.service.history import Excerpt, columns_in_units, line_of, tell_history
 from faultbond.service.store.chunks import joined_rows
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
+from faultbond.service.store.relational import RelationalStore
 from made import EXAMPLES
 from stored import deed, enrolment, some_rows, told
 
@@ -36,7 +37,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("kept") / "plant.db"
     plant = find_plant(TANK, Wanted())
     asset = Asset("tank", plant)
-    store = SqliteStore(path, reserve=0)
+    store = open_store(path, reserve=0)
     store.enrol(
         Enrolment(
             asset="tank",
@@ -58,7 +59,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def feed(store: SqliteStore, asset: Asset, rows: RowBlock, first: int) -> None:
+def feed(store: RelationalStore, asset: Asset, rows: RowBlock, first: int) -> None:
     """Watch some rows, and keep what came of them."""
     found = asset.take(rows)
     part = Commit(
@@ -122,7 +123,7 @@ def test_a_recording_gives_the_same_records(kept: Path, tmp_path: Path, ending: 
     assert main(["history", str(kept), "-o", str(target), "--to", "2399"]) == 0
     graph = find_plant(TANK, Wanted()).graph
     found = joined_rows([*read_blocks(target, columns_of(graph))])
-    store = SqliteStore(kept, writes=False)
+    store = open_store(kept, writes=False)
     rows = [item for item in store.log_between("tank", end=2399.0) if isinstance(item, RowBlock)]
     expected = joined_rows(rows)
     for name in ("time", "u", "y"):
@@ -146,7 +147,7 @@ def test_a_report_of_a_period(kept: Path, tmp_path: Path) -> None:
     page = target.read_text()
     assert "<html" in page
     assert "Accepted" in page
-    store = SqliteStore(kept, writes=False)
+    store = open_store(kept, writes=False)
     (enrolled,) = store.enrolments()
     course = history.replayed(enrolled, store.log_between("tank")).run.course
     assert [item.candidate.parameters for item in course.found.accepted] == [("K1",)]
@@ -193,7 +194,7 @@ def test_columns_of_a_log() -> None:
 )
 def test_what_cannot_be_written(tmp_path: Path, wanted: Excerpt, output: str | None, reason: str) -> None:
     """One line says what is wrong, and no file is made."""
-    store = SqliteStore(tmp_path / "plant.db", reserve=0)
+    store = open_store(tmp_path / "plant.db", reserve=0)
     for name in ("pump", "fan"):
         store.enrol(enrolment(name))
     store.commit([Commit(asset="pump", rows=some_rows(0, 9), records=(told("pump", 3),))])
@@ -206,7 +207,7 @@ def test_what_cannot_be_written(tmp_path: Path, wanted: Excerpt, output: str | N
 
 def test_an_older_model(tmp_path: Path) -> None:
     """A period in which another model was in force is written with that model's names."""
-    store = SqliteStore(tmp_path / "plant.db", reserve=0)
+    store = open_store(tmp_path / "plant.db", reserve=0)
     text = TANK.read_text()
     for k, name in enumerate(("flow", "current_flow")):
         new = Enrolment(

@@ -19,7 +19,7 @@ from faultbond.errors import FaultbondError
 from faultbond.io.out import Out
 from faultbond.service.program import serve
 from faultbond.service.site import Site, SiteAsset
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
 from faultbond.service.web.security import matches
 from loop_asset import MODEL, RECORDING, plant
 
@@ -82,7 +82,7 @@ def test_a_killed_service_goes_on_and_tells_nothing_twice(tmp_path: Path) -> Non
         said, complained = process.communicate()
         assert said == f"rlc: http://127.0.0.1:{port}/ - Ctrl-C stops it.\n"
         assert complained == ""
-    kept, whole = (SqliteStore(tmp_path / name, writes=False) for name in ("kept.sqlite", "whole.sqlite"))
+    kept, whole = (open_store(tmp_path / name, writes=False) for name in ("kept.sqlite", "whole.sqlite"))
     assert [(item.id, item.content) for item in kept.records()] == [(item.id, item.content) for item in whole.records()]
     assert not kept.contested()
     lines = [json.loads(line) for line in (tmp_path / "records.jsonl").read_text().splitlines()]

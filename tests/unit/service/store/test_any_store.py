@@ -16,8 +16,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from faultbond.errors import StoreError
 from faultbond.service.contract.messages import Action, Curves, Deed, NamedRecord
 from faultbond.service.contract.store import Commit
-from faultbond.service.store import sqlite, tail
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store import relational, tail
+from faultbond.service.store.opening import open_store
 from memory_store import MemoryStore
 from stored import enrolment, flat, some_curves, some_rows
 
@@ -32,13 +32,13 @@ def small_chunks(large: int = 6, overview: int = 4) -> Iterator[None]:
     """Let few rows make a large chunk, and few pages be read at once, so that tests come past all of it."""
     with (
         patch.object(tail, "LARGE", large),
-        patch.object(sqlite, "LARGE", large),
+        patch.object(relational, "LARGE", large),
         patch.object(tail, "MANY", 2),
-        patch.object(sqlite, "LEAST_EFFORT", 1),
+        patch.object(relational, "LEAST_EFFORT", 1),
         patch.object(tail, "OVERVIEW", overview),
-        patch.object(sqlite, "OVERVIEW", overview),
+        patch.object(relational, "OVERVIEW", overview),
         patch.object(tail, "_AT_ONCE", 2),
-        patch.object(sqlite, "PAGE", 3),
+        patch.object(relational, "PAGE", 3),
     ):
         yield
 
@@ -65,7 +65,7 @@ class AnySequence(RuleBasedStateMachine):
         self.open()
 
     def open(self) -> None:
-        self.store = SqliteStore(self.path, tell=self.heard.append, reserve=0)
+        self.store = open_store(self.path, tell=self.heard.append, reserve=0)
 
     def teardown(self) -> None:
         self.store.close()

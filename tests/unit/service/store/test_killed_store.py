@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
+from faultbond.service.store.relational import RelationalStore
 from stored import deed, enrolment, flat, row_bits, some_rows, told
 
 KILLS = int(os.environ.get("FAULTBOND_KILLS", "5"))
@@ -43,7 +44,7 @@ def test_nothing_acknowledged_is_lost(tmp_path: Path) -> None:
     for kill in range(KILLS):
         acknowledged = killed(path, kill, random.uniform(0.0, 0.25))
         heard: list[str] = []
-        store = SqliteStore(path, tell=heard.append, reserve=0)
+        store = open_store(path, tell=heard.append, reserve=0)
         assert store._database.rows("PRAGMA integrity_check") == [("ok",)]
         for asset, least in zip(ASSETS, acknowledged, strict=True):
             check(store, asset, least)
@@ -54,7 +55,7 @@ def test_nothing_acknowledged_is_lost(tmp_path: Path) -> None:
         store.close()
 
 
-def check(store: SqliteStore, asset: str, least: int) -> None:
+def check(store: RelationalStore, asset: str, least: int) -> None:
     """All of an asset's log agrees with how many rows it has, and these are those that were acknowledged or more."""
     stand = store.enrol(enrolment(asset))
     assert least <= stand.rows <= least + 60

@@ -15,15 +15,17 @@ import pytest
 from faultbond.errors import StoreError
 from faultbond.service.contract.store import Commit, LogStore
 from faultbond.service.store.database import FORMAT
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
+from faultbond.service.store.relational import RelationalStore
+from faultbond.service.store.sqlite import SqliteDatabase
 from stored import deed, enrolment, flat, some_curves, some_rows, told
 
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 
 
-def filled(path: Path, n: int = 3000, *, each: int = 100, checkpoint: bytes | None = b"state") -> SqliteStore:
+def filled(path: Path, n: int = 3000, *, each: int = 100, checkpoint: bytes | None = b"state") -> RelationalStore:
     """A store with rows of one asset, and a checkpoint at its end."""
-    store = SqliteStore(path, reserve=0)
+    store = open_store(path, reserve=0)
     store.enrol(enrolment())
     for first in range(0, n, each):
         store.commit([batch(first, each)])
@@ -58,6 +60,12 @@ def one_line(error: pytest.ExceptionInfo[StoreError], path: Path) -> str:
     return text
 
 
+def has_reserve(store: RelationalStore) -> bool:
+    """Whether a store in a file keeps room for when the disk is full."""
+    assert isinstance(store._database, SqliteDatabase)
+    return store._database.has_reserve
+
+
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A disk of 24 MB."""
@@ -73,8 +81,8 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 def test_a_full_disk(small_disk: Path) -> None:
     """A full disk takes the reserve, then refuses; what was acknowledged is there; after forgetting it goes on."""
     path, heard = small_disk / "plant.db", list[str]()
-    store = SqliteStore(path, tell=heard.append, reserve=2**23)
-    assert store.has_reserve
+    store = open_store(path, tell=heard.append, reserve=2**23)
+    assert has_reserve(store)
     store.enrol(enrolment())
     done = 0
 
@@ -89,17 +97,17 @@ def test_a_full_disk(small_disk: Path) -> None:
     one_line(error, path)
     assert len(heard) == 1
     assert "reserve is in use" in heard[0]
-    assert not store.has_reserve
+    assert not has_reserve(store)
     assert list(store.records()) == [told("pump", 1000 * k) for k in range(done)]
     assert store.retain(at_most=3_000_000) > 0
     assert path.stat().st_size < 6_000_000
-    assert store.has_reserve
+    assert has_reserve(store)
     first = done
     with pytest.raises(StoreError, match="the disk is full"):
         write()
     assert done > first + 50
     store.close()
-    again = SqliteStore(path, reserve=0)
+    again = open_store(path, reserve=0)
     assert again.enrol(enrolment()).rows == done * 1000
     assert len(list(again.records())) == done
     again.close()
@@ -110,12 +118,12 @@ def test_the_reserve_comes_back(small_disk: Path) -> None:
     path, heard = small_disk / "plant.db", list[str]()
     ballast = small_disk / "ballast"
     ballast.write_bytes(b"x" * 2**23)
-    store = SqliteStore(path, tell=heard.append, reserve=2**23)
-    assert not store.has_reserve
+    store = open_store(path, tell=heard.append, reserve=2**23)
+    assert not has_reserve(store)
     assert heard == [f"{path}: the disk has no room for a reserve of 8 MB. Free some of it."]
     ballast.unlink()
     store.retain()
-    assert store.has_reserve
+    assert has_reserve(store)
     assert os.stat(f"{path}.reserve").st_blocks * 512 >= 2**23, "a file with holes keeps no room"
     store.close()
 
@@ -141,8 +149,8 @@ def test_a_folder_that_may_not_be_written(tmp_path: Path) -> None:
     filled(path, 300).close()
     tmp_path.chmod(0o500)
     with pytest.raises(StoreError, match="cannot be written"):
-        SqliteStore(path)
-    reader = SqliteStore(path, writes=False)
+        open_store(path)
+    reader = open_store(path, writes=False)
     assert len(list(reader.records())) == 3
     reader.close()
 
@@ -159,9 +167,9 @@ def test_a_disk_that_may_only_be_read(tmp_path: Path) -> None:
         filled(path, 300).close()
         subprocess.run(["mount", "-o", "remount,ro", str(place)], check=True)
         with pytest.raises(StoreError, match="cannot be written") as error:
-            SqliteStore(path)
+            open_store(path)
         one_line(error, path)
-        reader = SqliteStore(path, writes=False)
+        reader = open_store(path, writes=False)
         assert len(list(reader.records())) == 3
         assert flat(reader.log_after("pump", 0, 0)) == flat([some_rows(0, 300)])
         with pytest.raises(StoreError, match="cannot be written"):
@@ -176,20 +184,20 @@ def test_one_service_a_store(tmp_path: Path) -> None:
     path = tmp_path / "plant.db"
     first = filled(path, 100)
     with pytest.raises(StoreError, match=r"another service writes it\. Stop that one") as error:
-        SqliteStore(path)
+        open_store(path)
     one_line(error, path)
     code = (
-        "import sys, pathlib; from faultbond.service.store.sqlite import SqliteStore as S; S(pathlib.Path(sys.argv[1]))"
+        "import sys, pathlib; from faultbond.service.store.opening import open_store as S; S(pathlib.Path(sys.argv[1]))"
     )
     done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False)
     assert "another service writes it" in done.stderr
     first.close()
-    SqliteStore(path).close()
+    open_store(path).close()
 
 
 def test_a_file_that_another_program_has_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What another program keeps locked is refused after a while, and goes on once it lets go."""
-    monkeypatch.setattr("faultbond.service.store.database.WAIT", 0.05)
+    monkeypatch.setattr("faultbond.service.store.sqlite.WAIT", 0.05)
     path = tmp_path / "plant.db"
     store = filled(path, 100)
     other = sqlite3.connect(path, isolation_level=None)
@@ -211,7 +219,7 @@ def test_no_database(tmp_path: Path, content: bytes) -> None:
     path.write_bytes(content)
     for writes in (True, False):
         with pytest.raises(StoreError, match="no store of faultbond") as error:
-            SqliteStore(path, writes=writes)
+            open_store(path, writes=writes)
         one_line(error, path)
     assert path.read_bytes() == content
 
@@ -225,7 +233,7 @@ def test_another_database(tmp_path: Path) -> None:
     other.close()
     before = path.read_bytes()
     with pytest.raises(StoreError, match="this is a database, but no store of faultbond") as error:
-        SqliteStore(path)
+        open_store(path)
     one_line(error, path)
     assert path.read_bytes() == before
 
@@ -238,13 +246,13 @@ def test_a_newer_format(tmp_path: Path) -> None:
     store.close()
     for writes in (True, False):
         with pytest.raises(StoreError, match=f"of format {FORMAT + 1}, and this faultbond knows format {FORMAT}"):
-            SqliteStore(path, writes=writes)
+            open_store(path, writes=writes)
 
 
 def test_there_is_no_store(tmp_path: Path) -> None:
     """Who only reads makes no file."""
     with pytest.raises(StoreError, match="there is no such store"):
-        SqliteStore(tmp_path / "plant.db", writes=False)
+        open_store(tmp_path / "plant.db", writes=False)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -257,7 +265,7 @@ def test_damaged_pages(tmp_path: Path) -> None:
         damage(path, place)
 
     def read() -> None:
-        store = SqliteStore(path, reserve=0)
+        store = open_store(path, reserve=0)
         store.enrol(enrolment())
         list(store.log_after("pump", 0, 0))
 
@@ -313,7 +321,7 @@ def test_a_damaged_checkpoint(tmp_path: Path) -> None:
     store.close()
     for rows, left in ((5000, b"third"), (4000, b"second")):
         replace_bytes(path, "checkpoints", "content", b"nonsense", f"rows={rows}")
-        store = SqliteStore(path, tell=heard.append, reserve=0)
+        store = open_store(path, tell=heard.append, reserve=0)
         stand = store.enrol(enrolment())
         assert stand.checkpoint == left
         expected = flat([some_rows(stand.checkpoint_rows, 5000 - stand.checkpoint_rows)])
@@ -322,7 +330,7 @@ def test_a_damaged_checkpoint(tmp_path: Path) -> None:
     assert len(heard) == 3
     assert f"{path}: the state of 'pump' behind row 5000 is damaged on the disk" in heard[0]
     replace_bytes(path, "checkpoints", "content", b"nonsense")
-    store = SqliteStore(path, reserve=0)
+    store = open_store(path, reserve=0)
     assert store.enrol(enrolment()).checkpoint is None
     with pytest.raises(StoreError, match="rows of 'pump' from 1 on are forgotten"):
         list(store.log_after("pump", 0, 0))
@@ -332,7 +340,7 @@ def test_a_damaged_checkpoint(tmp_path: Path) -> None:
 def test_a_record_that_comes_again_otherwise(tmp_path: Path) -> None:
     """The first is kept, the other beside it, the commit stands, and it is told each time."""
     heard: list[str] = []
-    store = SqliteStore(tmp_path / "plant.db", tell=heard.append, reserve=0)
+    store = open_store(tmp_path / "plant.db", tell=heard.append, reserve=0)
     store.enrol(enrolment())
     store.commit([Commit(asset="pump", records=(told("pump", 3, value=1.0),))])
     for _ in range(2):
@@ -370,7 +378,7 @@ def test_a_part_that_does_not_fit(tmp_path: Path, part: Commit, reason: str) -> 
 
 def watch(path: Path, pipe: Connection) -> None:
     """Read a store again and again until told to stop; what is read must be whole each time."""
-    reader: LogStore = SqliteStore(path, writes=False)
+    reader: LogStore = open_store(path, writes=False)
     reads, rows = 0, 0
     try:
         while not pipe.poll():
@@ -395,7 +403,7 @@ def watch(path: Path, pipe: Connection) -> None:
 def test_readers_while_one_writes(tmp_path: Path) -> None:
     """Several other processes read a store that grows and whose chunks are merged, and find it whole."""
     path = tmp_path / "plant.db"
-    store = SqliteStore(path, reserve=0)
+    store = open_store(path, reserve=0)
     store.enrol(enrolment())
     store.commit([batch(0, 50)])
     processes, pipes, context = [], [], get_context("spawn")
