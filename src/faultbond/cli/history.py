@@ -14,7 +14,7 @@ from faultbond.model.graph import Unit
 def add_period(parser: argparse.ArgumentParser) -> None:
     """Add the store, the period, and where to write it."""
     add = parser.add_argument
-    add("kept", metavar="STORE", type=Path, help="file that `serve` writes; it may be writing it now")
+    add("kept", metavar="STORE", help="file or postgresql:// address that `serve` writes; it may be writing it now")
     add("--asset", metavar="NAME", help="only of this asset (default: all)")
     for option, where, name in (("--from", "begin", "first"), ("--to", "end", "last")):
         meaning = f"{name} moment of the period, s or ISO 8601 on the recording's clock (default: the {name} row)"

@@ -19,6 +19,7 @@ from faultbond.service.site import Site
 from faultbond.service.site_log import Done
 from faultbond.service.sources.opening import open_source
 from faultbond.service.station import Service
+from faultbond.service.store.address import shown_store
 from faultbond.service.store.opening import open_store
 from faultbond.service.web.security import Guard, LocalGuard, LoginGuard, Role, hashed
 from faultbond.service.web.shield import LOOPBACK
@@ -75,13 +76,14 @@ def _tell(site: Site, out: Out) -> None:
         rule = "" if item.accept is None else f"; accepts what is {item.accept:g} sure"
         out.say(f"{item.name}: {item.plant.graph.name} ({item.plant.document[0]}) from {item.source}{rule}")
     people = ", ".join(f"{user.name} ({user.role})" for user in site.users.values())
-    out.say(f"Kept in {site.store}. Page: {site.host}:{site.port}. People: {people or 'whoever is at this machine'}.")
+    store = shown_store(site.store)
+    out.say(f"Kept in {store}. Page: {site.host}:{site.port}. People: {people or 'whoever is at this machine'}.")
     out.record(
         {
             "record": "site",
             "name": site.name,
             "assets": [{"name": i.name, "model": i.plant.document[0], "source": i.source} for i in site.assets],
-            "store": site.store,
+            "store": store,
             "address": site.host,
             "port": site.port,
         }

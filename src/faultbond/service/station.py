@@ -217,7 +217,7 @@ class Service:
                 await self._settle(worker, items, error)
             self._answer(items, done)
             if self._hub.n_listeners:
-                for name, content in await loop.run_in_executor(worker, self._view.news, done):
+                for name, content in await self._read_news(worker, done):
                     self._hub.publish(name, content)
             for item in items:
                 if isinstance(item, Arrivals):
@@ -278,6 +278,18 @@ class Service:
                 item.answer.set_exception(what.error)
             elif what.deed is not None:
                 item.answer.set_result(what.deed)
+
+    async def _read_news(self, worker: ThreadPoolExecutor, done: Sequence[Done]) -> list[tuple[str, Shown]]:
+        """Give the messages that follow from what was done, once the store can be read for them."""
+        while True:
+            try:
+                news = await asyncio.get_running_loop().run_in_executor(worker, self._view.news, done)
+            except StoreError as error:
+                self._store_trouble = str(error)
+                await asyncio.sleep(RETRY)
+            else:
+                self._store_trouble = ""
+                return news
 
     async def _tick(self) -> None:
         """Tell who has gone silent, or whose shelf has ended."""

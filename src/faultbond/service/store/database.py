@@ -63,8 +63,14 @@ class Database(Protocol):
     def change(self, statement: str, *values: object) -> None:
         """Change something, inside a transaction."""
 
-    def transaction(self) -> AbstractContextManager[None]:
-        """Write all of what is written inside or nothing; it is on the disk at the end."""
+    def transaction(self, turn: str = "") -> AbstractContextManager[None]:
+        """Write all of what is written inside or nothing; it is on the disk at the end.
+
+        turn: a name of what is written, for `has_written`.
+        """
+
+    def has_written(self, turn: str) -> bool:
+        """Whether the last transaction with a turn had this one: one that failed, but whose end was only not heard."""
 
     def reading(self) -> AbstractContextManager[None]:
         """Read all that is read inside as it was at one moment."""

@@ -3,9 +3,14 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from faultbond.errors import StoreError
+from faultbond.service.store.address import ServerAddress, store_address
+from faultbond.service.store.database import Database
 from faultbond.service.store.relational import RelationalStore
 from faultbond.service.store.reserve_file import DEFAULT_SIZE
 from faultbond.service.store.sqlite import SqliteDatabase
+
+EXTRA = 'PostgreSQL needs more: install it by `pip install "faultbond[postgres]"`.'
 
 
 def open_store(
@@ -19,7 +24,7 @@ def open_store(
 
     Parameters
     ----------
-    address : a file; one that is not there is made where it may be written
+    address : a file, or `postgresql://USER@HOST/DATABASE`; what is not there is made where it may be written
     tell : is given one line of what the operator should know, such as of a disk that is full
     writes : False: only read, also beside a service that writes it
     reserve : bytes of the disk that are kept beside a file for when the disk is full
@@ -29,5 +34,15 @@ def open_store(
     StoreError
         Where it cannot be opened, is none of this format, or another service writes it.
     """
-    database = SqliteDatabase(Path(address), tell=tell, writes=writes, reserve=reserve)
-    return RelationalStore(database, tell=tell)
+    place = address if isinstance(address, Path) else store_address(address)
+    if isinstance(place, ServerAddress):
+        return RelationalStore(_in_server(place, tell, writes=writes), tell=tell)
+    return RelationalStore(SqliteDatabase(place, tell=tell, writes=writes, reserve=reserve), tell=tell)
+
+
+def _in_server(place: ServerAddress, tell: Callable[[str], None], *, writes: bool) -> Database:
+    try:
+        from faultbond.service.store.postgresql import PostgresqlDatabase  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise StoreError(f"{place.shown}: {EXTRA}") from error
+    return PostgresqlDatabase(place, tell=tell, writes=writes)

@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 from math import inf, isfinite, nan
 from operator import itemgetter
 from typing import Any, TypeVar
+from uuid import uuid4
 
 import numpy as np
 
@@ -62,6 +63,8 @@ class RelationalStore:
         self._database, self._tell = database, tell
         self._logs: dict[str, Log] = {}
         self._came: int | None = None
+        self._failed: tuple[Commit, ...] = ()  # parts of the last commit, and its turn, where it failed
+        self._turn = ""
 
     def close(self) -> None:
         """Close it, and let another service have it."""
@@ -79,9 +82,16 @@ class RelationalStore:
         Raises
         ------
         StoreError
-            Where it cannot be written, an asset is not enrolled, or a part does not fit its log. Nothing is then.
+            Where it cannot be written, an asset is not enrolled, or a part does not fit its log. Nothing is then; or,
+            where a server was lost, what is found out when the same parts come again, and they are written once.
         """
-        logs, came, told = self._writing(lambda: self._commit(parts))
+        again = tuple(parts) == self._failed  # a part equals none but itself
+        if again and self._database.has_written(self._turn):
+            self._failed = ()
+            return
+        self._failed, self._turn = tuple(parts), self._turn if again else uuid4().hex
+        logs, came, told = self._writing(lambda: self._commit(parts, self._turn))
+        self._failed = ()
         self._logs.update(logs)
         self._came = came
         for line in told:
@@ -196,12 +206,12 @@ class RelationalStore:
             database.change("UPDATE assets SET log=? WHERE number=?", number, asset)
             return self._log(enrolment.asset, enrolment.model_sha256)
 
-    def _commit(self, parts: Sequence[Commit]) -> tuple[dict[str, Log], int, list[str]]:
+    def _commit(self, parts: Sequence[Commit], turn: str) -> tuple[dict[str, Log], int, list[str]]:
         """Write parts in one transaction; give the logs then, the number of what came last, and what is to be told."""
         logs: dict[str, Log] = {}
         told: list[str] = []
         n_rows = sum(len(part.rows) for part in parts if part.rows is not None)
-        with self._database.transaction():
+        with self._database.transaction(turn):
             came = self._last_came()
             for part in parts:
                 log = self._grown(logs.get(part.asset) or self._log(part.asset), part)

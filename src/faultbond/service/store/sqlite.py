@@ -115,8 +115,10 @@ class SqliteDatabase:
         self._connection.execute(statement, values)
 
     @contextmanager
-    def transaction(self) -> Iterator[None]:
+    def transaction(self, turn: str = "") -> Iterator[None]:
         """Write all of what is written inside or nothing; it is on the disk at the end.
+
+        Its turn is not kept: what failed is known not to be written.
 
         Raises
         ------
@@ -133,6 +135,10 @@ class SqliteDatabase:
                     if self._connection.in_transaction:  # else SQLite has taken it back itself
                         self._connection.execute("ROLLBACK")
                 raise
+
+    def has_written(self, turn: str) -> bool:
+        """Tell that it is not; see `transaction`."""
+        return False
 
     @contextmanager
     def reading(self) -> Iterator[None]:

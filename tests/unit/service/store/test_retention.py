@@ -1,5 +1,6 @@
 """What a store forgets, how small it is then, and how small what it keeps is."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -31,12 +32,19 @@ def grown(store: RelationalStore, first: int, last: int, *, each: int = 50, asse
     store.commit([Commit(asset=asset, checkpoint=b"state")])
 
 
-@pytest.fixture
-def store(tmp_path: Path) -> RelationalStore:
+def begun(place: str | Path) -> RelationalStore:
     """An empty store with one asset."""
-    found = open_store(tmp_path / "plant.db", reserve=0)
+    found = open_store(place, reserve=0)
     found.enrol(enrolment())
     return found
+
+
+@pytest.fixture
+def store(place: str) -> Iterator[RelationalStore]:
+    """An empty store of each kind with one asset."""
+    found = begun(place)
+    yield found
+    found.close()
 
 
 def test_forgetting_by_age(store: RelationalStore) -> None:
@@ -75,9 +83,21 @@ def test_what_checkpoints_need_stays(store: RelationalStore) -> None:
         list(store.log_after("pump", 7999, 8))
 
 
-def test_the_file_becomes_smaller(store: RelationalStore) -> None:
+def test_forgetting_by_size(store: RelationalStore) -> None:
+    """The oldest go until the store is that small, and no more than that."""
+    grown(store, 0, 20_000, each=500)
+    before = store._database.used()
+    gone = store.retain(at_most=before // 2)
+    assert before * 0.4 < store._database.used() <= before // 2
+    assert 20_000 * 0.4 < gone < 20_000 * 0.8
+    kept = [item for item in flat(store.log_between("pump")) if isinstance(item, tuple)]
+    assert kept == flat([some_rows(gone, 20_000 - gone)])
+
+
+def test_the_file_becomes_smaller(tmp_path: Path) -> None:
     """By size the oldest go until the file is that small, and the place on the disk is given back."""
-    path = Path(store._database.name)
+    path = tmp_path / "plant.db"
+    store = begun(path)
     grown(store, 0, 60_000, each=500)
     store._database.shrink()
     before = path.stat().st_size
@@ -91,9 +111,10 @@ def test_the_file_becomes_smaller(store: RelationalStore) -> None:
     assert len(list(store.records())) == 120
 
 
-def test_the_file_stops_growing(store: RelationalStore) -> None:
+def test_the_file_stops_growing(tmp_path: Path) -> None:
     """A store that forgets while it is written stays as large as it may be, with its file of transactions."""
-    path, sizes = Path(store._database.name), []
+    path, sizes = tmp_path / "plant.db", []
+    store = begun(path)
     for first in range(0, 40_000, 2000):
         grown(store, first, first + 2000, each=100)
         store.retain(at_most=400_000)

@@ -23,9 +23,9 @@ from stored import deed, enrolment, flat, some_curves, some_rows, told
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 
 
-def filled(path: Path, n: int = 3000, *, each: int = 100, checkpoint: bytes | None = b"state") -> RelationalStore:
+def filled(place: str | Path, n: int = 3000, *, each: int = 100, checkpoint: bytes = b"state") -> RelationalStore:
     """A store with rows of one asset, and a checkpoint at its end."""
-    store = open_store(path, reserve=0)
+    store = open_store(place, reserve=0)
     store.enrol(enrolment())
     for first in range(0, n, each):
         store.commit([batch(first, each)])
@@ -52,10 +52,10 @@ def damage(path: Path, place: int, n: int = 64) -> None:
         stream.write(bytes(range(1, n + 1)))
 
 
-def one_line(error: pytest.ExceptionInfo[StoreError], path: Path) -> str:
+def one_line(error: pytest.ExceptionInfo[StoreError], place: str | Path) -> str:
     """What an error says, which names the store and is one line."""
     text = str(error.value)
-    assert text.startswith(f"{path}: ")
+    assert text.startswith(f"{place}: ")
     assert "\n" not in text
     return text
 
@@ -179,20 +179,17 @@ def test_a_disk_that_may_only_be_read(tmp_path: Path) -> None:
         subprocess.run(["umount", str(place)], check=True)
 
 
-def test_one_service_a_store(tmp_path: Path) -> None:
+def test_one_service_a_store(place: str) -> None:
     """A second service is refused while the first has the store, in this process or another, and not after it."""
-    path = tmp_path / "plant.db"
-    first = filled(path, 100)
+    first = filled(place, 100)
     with pytest.raises(StoreError, match=r"another service writes it\. Stop that one") as error:
-        open_store(path)
-    one_line(error, path)
-    code = (
-        "import sys, pathlib; from faultbond.service.store.opening import open_store as S; S(pathlib.Path(sys.argv[1]))"
-    )
-    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False)
+        open_store(place)
+    one_line(error, place)
+    code = "import sys; from faultbond.service.store.opening import open_store as S; S(sys.argv[1])"
+    done = subprocess.run([sys.executable, "-c", code, place], capture_output=True, text=True, check=False)
     assert "another service writes it" in done.stderr
     first.close()
-    open_store(path).close()
+    open_store(place).close()
 
 
 def test_a_file_that_another_program_has_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -238,21 +235,25 @@ def test_another_database(tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
-def test_a_newer_format(tmp_path: Path) -> None:
+def test_a_newer_format(place: str) -> None:
     """A store of a later faultbond is refused with both formats."""
-    path = tmp_path / "plant.db"
-    store = filled(path, 100)
-    store._database.rows(f"PRAGMA user_version={FORMAT + 1}")
+    store = filled(place, 100)
+    if isinstance(store._database, SqliteDatabase):
+        store._database.rows(f"PRAGMA user_version={FORMAT + 1}")
+    else:
+        with store._database.transaction():
+            store._database.change("UPDATE faultbond SET format=format+1")
     store.close()
     for writes in (True, False):
         with pytest.raises(StoreError, match=f"of format {FORMAT + 1}, and this faultbond knows format {FORMAT}"):
-            open_store(path, writes=writes)
+            open_store(place, writes=writes)
 
 
-def test_there_is_no_store(tmp_path: Path) -> None:
+def test_there_is_no_store(place: str, tmp_path: Path) -> None:
     """Who only reads makes no file."""
-    with pytest.raises(StoreError, match="there is no such store"):
-        open_store(tmp_path / "plant.db", writes=False)
+    for _ in range(2):
+        with pytest.raises(StoreError, match="there is no such store"):
+            open_store(place, writes=False)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -274,73 +275,66 @@ def test_damaged_pages(tmp_path: Path) -> None:
     one_line(error, path)
 
 
-def replace_bytes(path: Path, table: str, column: str, value: bytes | str, where: str = "1") -> None:
+def replace_bytes(store: RelationalStore, table: str, column: str, value: bytes | str, where: str = "1=1") -> None:
     """Change what is in a table behind the store's back."""
-    other = sqlite3.connect(path)
-    other.execute(f"UPDATE {table} SET {column}=? WHERE {where}", (value,))  # noqa: S608 - ours
-    other.commit()
-    other.close()
+    with store._database.transaction():
+        store._database.change(f"UPDATE {table} SET {column}=? WHERE {where}", value)  # noqa: S608 - ours
 
 
-def test_a_damaged_chunk_is_named(tmp_path: Path) -> None:
+def test_a_damaged_chunk_is_named(place: str) -> None:
     """Rows that are not what was written are refused by their numbers and asset; the others can be read."""
-    path = tmp_path / "plant.db"
-    store = filled(path, 3000)
+    store = filled(place, 3000)
     content = store._database.number("SELECT content FROM chunks WHERE kind=0 AND first=1000")
-    replace_bytes(
-        path, "chunks", "content", content[:-9] + bytes([content[-9] ^ 4]) + content[-8:], "kind=0 AND first=1000"
-    )
+    other = content[:-9] + bytes([content[-9] ^ 4]) + content[-8:]
+    replace_bytes(store, "chunks", "content", other, "kind=0 AND first=1000")
     reason = r"rows 1001 to 2000 of 'pump': damaged on the disk \(the checksum differs"
     with pytest.raises(StoreError, match=reason) as error:
         flat(store.log_after("pump", 0, 0))
-    one_line(error, path)
+    one_line(error, place)
     assert flat(store.log_after("pump", 2000, 0)) == flat([some_rows(2000, 1000)])
     store.close()
 
 
 @pytest.mark.parametrize(("table", "what"), [("records", "record 'pump/a/100/detection'"), ("deeds", "entry 1")])
-def test_a_damaged_record_is_named(tmp_path: Path, table: str, what: str) -> None:
+def test_a_damaged_record_is_named(place: str, table: str, what: str) -> None:
     """A record or an entry of the journal that is not what was written is refused by its name."""
-    path = tmp_path / "plant.db"
-    store = filled(path, 300)
+    store = filled(place, 300)
     store.commit([Commit(asset="pump", deeds=(deed("pump", 300),))])
-    replace_bytes(path, table, "content", '{"record": "other"}', "number=1" if table == "deeds" else "sample=100")
+    replace_bytes(store, table, "content", '{"record": "other"}', "number=1" if table == "deeds" else "sample=100")
     with pytest.raises(StoreError, match=f"{what}.* is damaged on the disk"):
         list(store.journal())
     store.close()
 
 
-def test_a_damaged_checkpoint(tmp_path: Path) -> None:
+def test_a_damaged_checkpoint(place: str) -> None:
     """The state before a damaged one serves, its rows are still there, and it is told; so is the one before that."""
-    path, heard = tmp_path / "plant.db", list[str]()
-    store = filled(path, 2000, checkpoint=b"first")
+    heard = list[str]()
+    store = filled(place, 2000, checkpoint=b"first")
     for k, name in enumerate((b"second", b"third", b"fourth")):
         store.commit([batch(2000 + 1000 * k, 1000), Commit(asset="pump", checkpoint=name)])
     assert store._database.number("SELECT count(*) FROM checkpoints") == 3
     store.retain(older_than=np.inf)
-    store.close()
     for rows, left in ((5000, b"third"), (4000, b"second")):
-        replace_bytes(path, "checkpoints", "content", b"nonsense", f"rows={rows}")
-        store = open_store(path, tell=heard.append, reserve=0)
+        replace_bytes(store, "checkpoints", "content", b"nonsense", f"rows={rows}")
+        store.close()
+        store = open_store(place, tell=heard.append, reserve=0)
         stand = store.enrol(enrolment())
         assert stand.checkpoint == left
         expected = flat([some_rows(stand.checkpoint_rows, 5000 - stand.checkpoint_rows)])
         assert flat(store.log_after("pump", stand.checkpoint_rows, stand.checkpoint_deeds)) == expected
-        store.close()
     assert len(heard) == 3
-    assert f"{path}: the state of 'pump' behind row 5000 is damaged on the disk" in heard[0]
-    replace_bytes(path, "checkpoints", "content", b"nonsense")
-    store = open_store(path, reserve=0)
+    assert f"{place}: the state of 'pump' behind row 5000 is damaged on the disk" in heard[0]
+    replace_bytes(store, "checkpoints", "content", b"nonsense")
     assert store.enrol(enrolment()).checkpoint is None
     with pytest.raises(StoreError, match="rows of 'pump' from 1 on are forgotten"):
         list(store.log_after("pump", 0, 0))
     store.close()
 
 
-def test_a_record_that_comes_again_otherwise(tmp_path: Path) -> None:
+def test_a_record_that_comes_again_otherwise(place: str) -> None:
     """The first is kept, the other beside it, the commit stands, and it is told each time."""
     heard: list[str] = []
-    store = open_store(tmp_path / "plant.db", tell=heard.append, reserve=0)
+    store = open_store(place, tell=heard.append, reserve=0)
     store.enrol(enrolment())
     store.commit([Commit(asset="pump", records=(told("pump", 3, value=1.0),))])
     for _ in range(2):
@@ -364,9 +358,9 @@ def test_a_record_that_comes_again_otherwise(tmp_path: Path) -> None:
         (Commit(asset="pump", deeds=(deed("pump", 7),)), "it is behind 7 rows, not 110"),
     ],
 )
-def test_a_part_that_does_not_fit(tmp_path: Path, part: Commit, reason: str) -> None:
+def test_a_part_that_does_not_fit(place: str, part: Commit, reason: str) -> None:
     """One part that is wrong refuses the commit, and no other part of it is written."""
-    store = filled(tmp_path / "plant.db", 100)
+    store = filled(place, 100)
     with pytest.raises(StoreError, match=reason):
         store.commit([batch(100, 10), part])
     assert store.enrol(enrolment()).rows == 100
@@ -376,9 +370,9 @@ def test_a_part_that_does_not_fit(tmp_path: Path, part: Commit, reason: str) -> 
     store.close()
 
 
-def watch(path: Path, pipe: Connection) -> None:
+def watch(place: str, pipe: Connection) -> None:
     """Read a store again and again until told to stop; what is read must be whole each time."""
-    reader: LogStore = open_store(path, writes=False)
+    reader: LogStore = open_store(place, writes=False)
     reads, rows = 0, 0
     try:
         while not pipe.poll():
@@ -400,16 +394,15 @@ def watch(path: Path, pipe: Connection) -> None:
         reader.close()
 
 
-def test_readers_while_one_writes(tmp_path: Path) -> None:
+def test_readers_while_one_writes(place: str) -> None:
     """Several other processes read a store that grows and whose chunks are merged, and find it whole."""
-    path = tmp_path / "plant.db"
-    store = open_store(path, reserve=0)
+    store = open_store(place, reserve=0)
     store.enrol(enrolment())
     store.commit([batch(0, 50)])
     processes, pipes, context = [], [], get_context("spawn")
     for _ in range(3):
         here, there = context.Pipe()
-        processes.append(context.Process(target=watch, args=(path, there)))
+        processes.append(context.Process(target=watch, args=(place, there)))
         processes[-1].start()
         pipes.append(here)
     first = 50
