@@ -50,14 +50,22 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="session")
-def postgres() -> Iterator[PostgresServer]:
-    """A server of PostgreSQL that a test may kill, but leaves running."""
+def postgres_server() -> Iterator[PostgresServer]:
+    """The server of all tests of a worker."""
     pytest.importorskip("psycopg", reason='there is no psycopg: pip install "faultbond[postgres]"')
     if not can_run():
         pytest.skip(MISSING)
     found = PostgresServer()
     yield found
     found.close()
+
+
+@pytest.fixture
+def postgres(postgres_server: PostgresServer) -> Iterator[PostgresServer]:
+    """A server of PostgreSQL that runs, and that a test may kill."""
+    yield postgres_server
+    if not postgres_server.is_running:
+        postgres_server.start()
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

@@ -66,6 +66,11 @@ class PostgresServer:
         """Give the address of a schema; that of a new one where none is named."""
         return f"postgresql://{user}@127.0.0.1:{self.port}/{database}?schema={schema or f's{next(self._numbers)}'}"
 
+    @property
+    def is_running(self) -> bool:
+        """Whether it runs."""
+        return (self._folder / "data" / "postmaster.pid").exists()
+
     def start(self) -> None:
         """Start it, and wait until it answers."""
         self._control("start")
@@ -80,7 +85,7 @@ class PostgresServer:
 
     def close(self) -> None:
         """Kill it, and remove all that it had."""
-        if (self._folder / "data" / "postmaster.pid").exists():
+        if self.is_running:
             self.stop()
         shutil.rmtree(self._folder, ignore_errors=True)
 

@@ -1,6 +1,7 @@
 """What a store keeps can be listed, written as a recording that gives the same records, and passed again."""
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from faultbond.service.store.chunks import joined_rows
 from faultbond.service.store.opening import open_store
 from faultbond.service.store.relational import RelationalStore
 from made import EXAMPLES
+from postgres import PostgresServer
 from stored import deed, enrolment, some_rows, told
 
 TANK, RECORDING = EXAMPLES / "tank" / "model.yaml", EXAMPLES / "tank" / "fault_pipe.csv"
@@ -74,7 +76,7 @@ def of_kinds(records: list[dict[str, Any]], *kinds: str) -> list[dict[str, Any]]
     return [{key: item[key] for key in item if key not in own} for item in records if item["record"] in kinds]
 
 
-def listed(kept: Path, target: Path, *arguments: str) -> list[dict[str, Any]]:
+def listed(kept: Path | str, target: Path, *arguments: str) -> list[dict[str, Any]]:
     """The records that `history` writes."""
     assert main(["history", str(kept), "--json", str(target), *arguments]) == 0
     return [json.loads(line) for line in target.read_text().splitlines()]
@@ -113,6 +115,30 @@ def test_the_journal(kept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
     later = listed(kept, tmp_path / "later.json", "--from", "2000", "--to", "2399")
     assert later == [item for item in records if item["record"] == "deed" or item["time"] >= 2000]
     assert listed(kept, tmp_path / "none.json", "--from", "1970-01-01T02:00:00") == []
+
+
+def test_a_store_in_a_server(kept: Path, tmp_path: Path, postgres: PostgresServer) -> None:
+    """The same rows, records and deeds in a server give the same journal and the same recording."""
+    source, place = open_store(kept, writes=False), postgres.url()
+    target = open_store(place)
+    for new in source.enrolments():
+        target.enrol(new)
+    rows = joined_rows([item for item in source.log_between("tank") if isinstance(item, RowBlock)])
+    passed = 0
+    for item in source.journal():
+        if isinstance(item, NamedRecord):
+            target.commit([Commit(asset="tank", records=(item,))])
+        else:
+            before = rows.part(slice(passed, item.rows))
+            target.commit([Commit(asset="tank", rows=before, deeds=(replace(item, number=0),))])
+            passed = item.rows
+    target.commit([Commit(asset="tank", rows=rows.part(slice(passed, len(rows))))])
+    target.close()
+    source.close()
+    assert listed(place, tmp_path / "server.json") == listed(kept, tmp_path / "file.json")
+    for store, name in ((place, "server.csv"), (kept, "file.csv")):
+        assert main(["history", str(store), "-o", str(tmp_path / name), "--from", "100", "--to", "2500"]) == 0
+    assert (tmp_path / "server.csv").read_bytes() == (tmp_path / "file.csv").read_bytes()
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])

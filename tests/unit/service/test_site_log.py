@@ -38,9 +38,9 @@ def work(watch: SiteLog, *items: Arrivals | Deed) -> list[Done]:
 
 
 @pytest.fixture
-def stores(tmp_path: Path) -> Iterator[tuple[RelationalStore, RelationalStore]]:
-    """Give two stores in files."""
-    made = [open_store(tmp_path / f"{name}.sqlite", reserve=0) for name in ("one", "other")]
+def stores(tmp_path: Path, place: str) -> Iterator[tuple[RelationalStore, RelationalStore]]:
+    """Give two stores, the first in a file, the other in one of each kind."""
+    made = [open_store(where, reserve=0) for where in (tmp_path / "one.sqlite", place)]
     yield made[0], made[1]
     for store in made:
         store.close()
@@ -85,7 +85,7 @@ def played(store: LogStore, seed: int, stops: Sequence[int]) -> SiteLog:
     return now
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("seed", "place"), [(0, "sqlite"), (1, "sqlite"), (2, "postgresql")], indirect=["place"])
 def test_a_service_that_is_killed_tells_what_one_tells_that_is_not(
     seed: int, stores: tuple[RelationalStore, RelationalStore]
 ) -> None:
