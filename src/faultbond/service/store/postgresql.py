@@ -3,14 +3,16 @@
 A commit is on the server's disk when it returns (synchronous_commit), and one service has the schema, by an advisory
 lock of its session. Where the connection is lost, the next call opens it again. If that was while a commit was on its
 way, nobody heard whether it was written: so each has a name, its turn, which is written with it. The turn also tells
-whether another service has written meanwhile, of which this one knows nothing.
+whether another service had the store meanwhile, since it begins with one of its own.
 Source: PostgreSQL 15, sections 13.3.5 (advisory locks), 20.5.1 (synchronous_commit) and 34.1.2 (connection settings).
 """
 
+import logging
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
+from uuid import uuid4
 
 import psycopg
 from psycopg.conninfo import conninfo_to_dict
@@ -42,6 +44,8 @@ USED = " + ".join(
     for table in ("pieces", "chunks", "records", "deeds", "checkpoints")
 )
 
+logging.getLogger("psycopg").addHandler(logging.NullHandler())  # what it warns of is raised, too
+
 
 class PostgresqlDatabase:
     """A store in a server; see `database.Database`.
@@ -64,7 +68,7 @@ class PostgresqlDatabase:
         self.name, self.writes = address.shown, writes
         self._address = address
         self._numbers: dict[str, int] = {}
-        self._turns: set[str] = set()  # of which the last one in the database is one, unless another service wrote
+        self._turns: set[str] = set()  # of which that in the database is one, unless another service had it
         self._inside = False
         with self._told():
             self._connect()
@@ -112,8 +116,10 @@ class PostgresqlDatabase:
         with self._block("BEGIN"):
             if turn:
                 self._turns.add(turn)
-                self.change("UPDATE faultbond SET turn=?", turn)
-            yield
+            with self._connection.pipeline():  # what is written is sent without waiting for each answer
+                if turn:
+                    self.change("UPDATE faultbond SET turn=?", turn)
+                yield
         if turn:
             self._turns = {turn}
 
@@ -239,12 +245,16 @@ class PostgresqlDatabase:
                 f"{self.name}: of format {number}, and this faultbond knows format {FORMAT}. Take a newer faultbond, "
                 "or name another store."
             )
-        if self.writes and self._turns and turn not in self._turns:
+        if not self._turns:
+            turn = uuid4().hex
+            if self.writes:
+                self._execute("UPDATE faultbond SET turn=?", (turn,))
+            self._turns = {turn}
+        elif self.writes and turn not in self._turns:
             raise StoreError(
-                f"{self.name}: another service has written it since this one lost it. Start this one anew, once the "
-                "other has stopped."
+                f"{self.name}: another service has had it since this one lost it. Start this one anew, once the other "
+                "has stopped."
             )
-        self._turns.add(turn)
 
     def _make(self) -> None:
         """Make the tables; content that is deflated already is not compressed once more."""
