@@ -5,6 +5,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -359,14 +360,14 @@ def test_a_record_that_comes_again_otherwise(place: str) -> None:
     ],
 )
 def test_a_part_that_does_not_fit(place: str, part: Commit, reason: str) -> None:
-    """One part that is wrong refuses the commit, and no other part of it is written."""
-    store = filled(place, 100)
+    """One part that is wrong refuses the commit, and no other part of it is written, nor counted."""
+    store, done = filled(place, 100), Commit(asset="pump", deeds=(deed("pump", 110),))
     with pytest.raises(StoreError, match=reason):
-        store.commit([batch(100, 10), part])
+        store.commit([batch(100, 10), done, part])
     assert store.enrol(enrolment()).rows == 100
     assert len(list(store.records())) == 1
-    store.commit([batch(100, 10)])
-    assert flat(store.log_after("pump", 0, 0)) == flat([some_rows(0, 110)])
+    store.commit([batch(100, 10), done])
+    assert flat(store.log_after("pump", 0, 0)) == flat([some_rows(0, 110), replace(done.deeds[0], number=1)])
     store.close()
 
 
