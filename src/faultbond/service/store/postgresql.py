@@ -168,7 +168,7 @@ class PostgresqlDatabase:
         try:
             yield
         except psycopg.Error as error:
-            raise store_error(self.name, error) from error
+            raise refusal_error(self.name, error) from error
 
     def _asked(self, statement: str, values: tuple[object, ...] = ()) -> "psycopg.Cursor[Any]":
         """Run a statement, over a new connection where the old one turns out to be lost and nothing hangs on it."""
@@ -275,7 +275,7 @@ class PostgresqlDatabase:
         return value
 
 
-def store_error(name: str, error: psycopg.Error) -> StoreError:
+def refusal_error(name: str, error: psycopg.Error) -> StoreError:
     """Give what the server refused as an error that says what it means for the user, and what to do."""
     reason, state = _reason(error), error.sqlstate or ""
     known = {
