@@ -37,14 +37,13 @@ def store_address(text: str) -> Path | ServerAddress:
         return Path(text)
     if scheme not in _SCHEMES:
         raise StoreError(f"{scheme}://...: expected a file, or {FORM}.")
-    mistake = StoreError(f"{scheme}://...: expected {FORM}; in a password write / @ : ? # as %2F %40 %3A %3F %23.")
     try:
         place = urlsplit(text)
     except ValueError:
-        raise mistake from None  # its text would show the password
+        raise _mistake(scheme) from None  # its text would show the password
     people, _, hosts = place.netloc.rpartition("@")
     if "@" in people + place.path + place.query + place.fragment or not _HOSTS.fullmatch(hosts):
-        raise mistake
+        raise _mistake(scheme)
     settings = parse_qsl(place.query, keep_blank_values=True)
     schema = dict(settings).get("schema", SCHEMA)
     if not _NAME.fullmatch(schema):
@@ -69,3 +68,7 @@ def shown_store(text: str) -> str:
     """
     found = store_address(text)
     return found.shown if isinstance(found, ServerAddress) else text
+
+
+def _mistake(scheme: str) -> StoreError:
+    return StoreError(f"{scheme}://...: expected {FORM}; in a password write / @ : ? # as %2F %40 %3A %3F %23.")
