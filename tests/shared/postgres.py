@@ -12,6 +12,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from benchmarks.shared.broker import free_port
+
 MISSING = "there is no PostgreSQL: apt install postgresql"
 OWNERS = ("postgres", "nobody")  # who runs it where the tests are run by root, which it refuses to be
 GUARDED = "host all guarded 127.0.0.1/32 scram-sha-256"  # who needs a password
@@ -158,10 +160,3 @@ class DeafLine:
 def _plain() -> dict[str, str]:
     """Give an environment in which messages are English."""
     return {**{name: value for name, value in os.environ.items() if not name.startswith("PG")}, "LC_ALL": "C"}
-
-
-def free_port() -> int:
-    """Give a port that nobody listens at."""
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        return int(found.getsockname()[1])

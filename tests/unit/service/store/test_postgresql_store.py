@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
+from benchmarks.shared.broker import free_port
 
 from faultbond.errors import StoreError
 from faultbond.service.contract.store import Commit
 from faultbond.service.store.opening import open_store
-from postgres import DeafLine, PostgresServer, free_port
+from postgres import DeafLine, PostgresServer
 from stored import deed, enrolment, flat, some_curves, some_rows, told
 
 RESTARTS = 2
