@@ -13,6 +13,7 @@ import pytest
 # Matrices are small here, and threads would only wait for each other. numpy asks for it when it is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from postgres import MISSING, PostgresServer, can_run
 from watching import watch_program
 
 # Cores of tests run for moments, and are compiled in a third of the time; tests/unit/synthesis/test_compile.py compares
@@ -46,3 +47,31 @@ def browser() -> Iterator[Any]:
         opened = player.chromium.launch(executable_path=found, args=options)
         yield opened
         opened.close()
+
+
+@pytest.fixture(scope="session")
+def postgres_server() -> Iterator[PostgresServer]:
+    """The server of all tests of a worker."""
+    pytest.importorskip("psycopg", reason='there is no psycopg: pip install "faultbond[postgres]"')
+    if not can_run():
+        pytest.skip(MISSING)
+    found = PostgresServer()
+    yield found
+    found.close()
+
+
+@pytest.fixture
+def postgres(postgres_server: PostgresServer) -> Iterator[PostgresServer]:
+    """A server of PostgreSQL that runs, and that a test may kill."""
+    yield postgres_server
+    if not postgres_server.is_running:
+        postgres_server.start()
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def place(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """The address of a store of each kind that is not there yet."""
+    if request.param == "sqlite":
+        return str(tmp_path / "plant.db")
+    server: PostgresServer = request.getfixturevalue("postgres")
+    return server.url()

@@ -44,6 +44,7 @@ LATE_IMPORTS = (
     ("service", "faultbond.app.self_test"),  # loads casadi and scipy
     ("service", "faultbond.service.sources.mqtt"),  # needs aiomqtt
     ("service", "faultbond.service.sources.opcua"),  # needs asyncua
+    ("service", "faultbond.service.store.postgresql"),  # needs psycopg
     ("service", "faultbond.simulate"),  # loads casadi and scipy
     ("service", "faultbond.synthesis"),  # loads casadi
     ("api", "faultbond.api.plot"),  # needs matplotlib

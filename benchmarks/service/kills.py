@@ -14,7 +14,7 @@ from benchmarks.shared.page import Row
 from faultbond.io.examples import example
 from faultbond.io.row_block import RowBlock
 from faultbond.service.contract.messages import Deed
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
 
 KILLS = 100
 PACE = 50.0  # rows of the tank in a second
@@ -105,7 +105,7 @@ def rows(kills: int = KILLS) -> list[Row]:
             acknowledged = list(people.entries)
         with Served(folder, *words[:2], "whole.sqlite", *words[3:]) as other:
             other.until(lambda told: told["assets"][0]["samples"] >= growing.written - 5)
-        kept, whole = (SqliteStore(folder / name, writes=False) for name in ("kept.sqlite", "whole.sqlite"))
+        kept, whole = (open_store(folder / name, writes=False) for name in ("kept.sqlite", "whole.sqlite"))
         known = {deed.number: deed.comment for deed in kept.deeds()}
         lost = sum(known.get(entry["number"]) != entry["comment"] for entry in acknowledged)
         ours, theirs = ([(item.id, item.content) for item in store.records()] for store in (kept, whole))

@@ -10,14 +10,15 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
+from time import perf_counter, process_time, sleep
 
 import numpy as np
 
 from faultbond.io.row_block import RowBlock
 from faultbond.service.contract.messages import Curves
 from faultbond.service.contract.store import Commit, Enrolment
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
+from faultbond.service.store.relational import RelationalStore
 
 N_INPUTS, N_OUTPUTS = 5, 15
 
@@ -25,14 +26,23 @@ N_INPUTS, N_OUTPUTS = 5, 15
 def main() -> None:
     """Measure and print."""
     base = sys.argv[1] if len(sys.argv) > 1 else None
-    for measure in (one_asset, many_assets, long_period, forgetting):
+    if base is not None and "://" in base:
+        for k, measure in enumerate((one_asset, live, many_assets)):
+            measure(lambda name, k=k: f"{base}?schema=bench_{k}_{name}")  # type: ignore[misc]
+        return
+    for measure in (one_asset, live, many_assets):
         with TemporaryDirectory(dir=base) as folder:
-            measure(Path(folder) / "plant.db")
+            measure(lambda name, folder=folder: f"{folder}/{name}.db")  # type: ignore[misc]
+    for measure_file in (long_period, forgetting):
+        with TemporaryDirectory(dir=base) as folder:
+            measure_file(Path(folder) / "plant.db")
 
 
-def enrolled(path: Path, names: list[str], n_inputs: int = N_INPUTS, n_outputs: int = N_OUTPUTS) -> SqliteStore:
+def enrolled(
+    path: str | Path, names: list[str], n_inputs: int = N_INPUTS, n_outputs: int = N_OUTPUTS
+) -> RelationalStore:
     """Give a new store that knows some assets."""
-    store = SqliteStore(path, reserve=0)
+    store = open_store(path, reserve=0)
     for name in names:
         store.enrol(
             Enrolment(asset=name, model_sha256="0" * 64, label="m", text="", n_inputs=n_inputs, n_outputs=n_outputs)
@@ -74,26 +84,27 @@ def timed(call: Callable[[], object]) -> float:
     return 1e3 * (perf_counter() - begin)
 
 
-def told(what: str, times: list[float]) -> None:
-    """Print how long commits took."""
+def told(what: str, times: list[float], begun: float) -> None:
+    """Print how long commits took; begun: processor time of this program before them, s."""
     p50, p99, most = np.percentile(times, [50, 99, 100])
-    print(f"{what}: p50 {p50:.2f} ms, p99 {p99:.2f} ms, longest {most:.1f} ms")
+    print(
+        f"{what}: p50 {p50:.2f} ms, p99 {p99:.2f} ms, longest {most:.1f} ms; processor {process_time() - begun:.2f} s"
+    )
 
 
-def size_of(store: SqliteStore, kind: int) -> float:
+def size_of(store: RelationalStore, kind: int) -> float:
     """Give bytes a row of large chunks."""
     statement = "SELECT sum(length(content) + coalesce(length(overview), 0)) * 1.0 / sum(count) FROM chunks"
     return float(store._database.number(f"{statement} WHERE kind=? AND dense=1", kind))
 
 
-def one_asset(path: Path) -> None:
+def one_asset(place: Callable[[str], str]) -> None:
     """Measure one asset of 20 signals, 100 rows a commit."""
     n, each = 200_000, 100
     values = signals(n, N_INPUTS + N_OUTPUTS)
     for with_curves in (False, True):
-        place = path.with_name(f"{with_curves}.db")
-        store, times = enrolled(place, ["a"]), list[float]()
-        state = np.random.default_rng(0).bytes(2**20)
+        store, times = enrolled(place(f"{with_curves}".lower()), ["a"]), list[float]()
+        state, begun = np.random.default_rng(0).bytes(2**20), process_time()
         for k, first in enumerate(range(0, n, each)):
             rows = rows_of(values[first : first + each], first)
             part = Commit(
@@ -105,26 +116,42 @@ def one_asset(path: Path) -> None:
             )
             times.append(timed(partial(store.commit, [part])))
         what = "rows, curves, and 1 MB of state each 60 commits" if with_curves else "rows alone"
-        told(f"20 signals, {each} rows a commit, {what}: {1e3 * n / sum(times):,.0f} rows/s", times)
+        told(f"20 signals, {each} rows a commit, {what}: {1e3 * n / sum(times):,.0f} rows/s", times, begun)
         if with_curves:
             print(f"bytes a row after merging: rows {size_of(store, 0):.0f}, curves {size_of(store, 1):.0f}")
         read = timed(partial(deque, store.log_after("a", 0, 0), 0))
-        print(f"log of {n} rows read in {read:.0f} ms; file {place.stat().st_size / n:.0f} bytes a row")
+        print(f"log of {n} rows read in {read:.0f} ms; {store._database.used() / n:.0f} bytes a row")
         store.close()
 
 
-def many_assets(path: Path) -> None:
+def live(place: Callable[[str], str]) -> None:
+    """Measure 20 signals at 100 Hz, for a minute, five commits a second."""
+    n, each = 6000, 20
+    values = signals(n, N_INPUTS + N_OUTPUTS)
+    store, times = enrolled(place("live"), ["a"]), list[float]()
+    begun, began = process_time(), perf_counter()
+    for first in range(0, n, each):
+        sleep(max(0.0, began + first / 100 - perf_counter()))
+        rows = rows_of(values[first : first + each], first)
+        part = Commit(asset="a", rows=rows, arrived=float(first), curves=curves_of(rows))
+        times.append(timed(partial(store.commit, [part])))
+    told(f"20 signals at 100 Hz for a minute, {each} rows a commit", times, begun)
+    store.close()
+
+
+def many_assets(place: Callable[[str], str]) -> None:
     """Measure 100 assets of 4 signals at 1 Hz, a commit a second of all of them."""
     names = [f"a{k}" for k in range(100)]
     n = 1500
     values = signals(n, 4)
-    store, times = enrolled(path, names, 2, 2), list[float]()
+    store, times = enrolled(place("many"), names, 2, 2), list[float]()
+    begun = process_time()
     for k in range(n):
         rows = rows_of(values[k : k + 1], k, 2)
         curves = curves_of(rows)
         parts = [Commit(asset=name, rows=rows, arrived=float(k), curves=curves) for name in names]
         times.append(timed(partial(store.commit, parts)))
-    told(f"100 assets of 4 signals, one row each a commit: {1e3 * n * 100 / sum(times):,.0f} rows/s", times)
+    told(f"100 assets of 4 signals, one row each a commit: {1e3 * n * 100 / sum(times):,.0f} rows/s", times, begun)
     print(f"bytes a row after merging: rows {size_of(store, 0):.0f}, curves {size_of(store, 1):.0f}")
     print(f"a day of one of them read back: {timed(lambda: list(store.log_after('a7', 0, 0))) * 86400 / n:.0f} ms")
     store.close()
@@ -154,7 +181,7 @@ def forgetting(path: Path) -> None:
         rows = rows_of(values[first % 100_000 : first % 100_000 + 1000], first)
         store.commit([Commit(asset="a", rows=rows, arrived=float(first), curves=curves_of(rows))])
     store.commit([Commit(asset="a", checkpoint=b"state")])
-    store._database.settle()
+    store._database.shrink()
     before = path.stat().st_size
     took = timed(lambda: store.retain(at_most=before // 2))
     print(f"forgetting half of {before / 1e6:.0f} MB: {took:.0f} ms, {path.stat().st_size / 1e6:.0f} MB are left")

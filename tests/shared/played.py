@@ -10,6 +10,7 @@ from faultbond.io.row_block import RowBlock
 from faultbond.service.contract.face import Request, Shown
 from faultbond.service.contract.messages import Action, Arrivals
 from faultbond.service.contract.source import LiveSource, Subscriber
+from faultbond.service.contract.store import LogStore
 from faultbond.service.site import Site, SiteAsset
 from faultbond.service.station import Service
 from faultbond.service.supervisor import RestartPolicy
@@ -88,7 +89,7 @@ class Played:
 
     def __init__(
         self,
-        store: MemoryStore | None = None,
+        store: LogStore | None = None,
         *,
         assets: Sequence[str] = ("loop",),
         hear: Callable[[object], None] | None = None,

@@ -448,7 +448,7 @@ def _add_serve(verbs: Subparsers) -> None:
     add("models", metavar="MODEL", type=Path, nargs="*", help="model file, YAML; none: the built-in water tank")
     add("--site", metavar="FILE", type=Path, help="YAML file that names assets, models, sources and users instead")
     add("--source", metavar="ADDRESS", help="where values come from, such as file:live.csv or - (default: sim:)")
-    add("--store", metavar="FILE", help="where all is kept, and gone on from (default: faultbond.sqlite)")
+    add("--store", metavar="STORE", help="file or postgresql:// address where all is kept (default: faultbond.sqlite)")
     add("--port", metavar="N", type=_number("--port", 0, 65535), help="port of the page (default: 8350); 0: any")
     add("--accept", metavar="LEVEL", type=_level, help="as of `run`")
     forms = "how standard error is written: plain, journal or json (default: as it suits that)"

@@ -14,7 +14,7 @@ from faultbond.model.graph import Unit
 def add_period(parser: argparse.ArgumentParser) -> None:
     """Add the store, the period, and where to write it."""
     add = parser.add_argument
-    add("kept", metavar="STORE", type=Path, help="file that `serve` writes; it may be writing it now")
+    add("kept", metavar="STORE", help="file or postgresql:// address that `serve` writes; it may be writing it now")
     add("--asset", metavar="NAME", help="only of this asset (default: all)")
     for option, where, name in (("--from", "begin", "first"), ("--to", "end", "last")):
         meaning = f"{name} moment of the period, s or ISO 8601 on the recording's clock (default: the {name} row)"
@@ -25,10 +25,10 @@ def add_period(parser: argparse.ArgumentParser) -> None:
 def show_history(arguments: argparse.Namespace, out: Out) -> None:
     """Call the verb."""
     from faultbond.service.history import Excerpt, tell_history  # noqa: PLC0415 - not all need it
-    from faultbond.service.store.sqlite import SqliteStore  # noqa: PLC0415
+    from faultbond.service.store.opening import open_store  # noqa: PLC0415
 
     wanted = Excerpt(asset=arguments.asset, begin=arguments.begin, end=arguments.end)
-    with closing(SqliteStore(arguments.kept, writes=False)) as store:
+    with closing(open_store(arguments.kept, writes=False)) as store:
         tell_history(store, wanted, output=arguments.output, out=out)
 
 

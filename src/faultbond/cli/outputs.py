@@ -44,6 +44,8 @@ def _written(arguments: argparse.Namespace) -> Iterator[tuple[Path, str]]:
         value = getattr(arguments, name, None)
         if value is None or (name == "json" and value == STANDARD_OUTPUT):
             continue
+        if name == "store" and "://" in value:  # in a server
+            continue
         if str(value) == STANDARD_OUTPUT:
             raise FaultbondError(f"-: only records go to standard output, by --json -. Name a file for {what}.")
         yield Path(value), what

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from getpass import getpass
-from pathlib import Path
 from types import ModuleType
 
 from faultbond.app.signals import STOPPING, Stopped
@@ -22,7 +21,8 @@ from faultbond.service.site import Site
 from faultbond.service.site_log import Done
 from faultbond.service.sources.opening import open_source
 from faultbond.service.station import Service
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.address import shown_store
+from faultbond.service.store.opening import open_store
 from faultbond.service.systemd import ServiceManager, UnitState, reassure
 from faultbond.service.web.security import Guard, LocalGuard, LoginGuard, Role, hashed
 from faultbond.service.web.shield import LOOPBACK
@@ -90,7 +90,8 @@ def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
         rule = "" if item.accept is None else f"; accepts what is {item.accept:g} sure"
         out.say(f"{item.name}: {item.plant.graph.name} ({item.plant.document[0]}) from {item.source}{rule}")
     people = ", ".join(f"{user.name} ({user.role})" for user in site.users.values())
-    out.say(f"Kept in {site.store}. Page: {site.host}:{site.port}. People: {people or 'whoever is at this machine'}.")
+    store = shown_store(site.store)
+    out.say(f"Kept in {store}. Page: {site.host}:{site.port}. People: {people or 'whoever is at this machine'}.")
     if certificate is not None:
         known = f", of {', '.join(certificate.names)}" if certificate.names else ""
         out.say(f"TLS by {certificate.file}{known}, until {clock_text(certificate.until)}.")
@@ -100,7 +101,7 @@ def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
             "record": "site",
             "name": site.name,
             "assets": [{"name": i.name, "model": i.plant.document[0], "source": i.source} for i in site.assets],
-            "store": site.store,
+            "store": store,
             "address": site.host,
             "port": site.port,
         }
@@ -128,7 +129,7 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
     manager, door = ServiceManager(), bound(site)
     manager.tell(status="reads its store")
     _warn_of_end(certificate, _LOG.warning)
-    store = SqliteStore(Path(site.store), tell=_LOG.warning)
+    store = open_store(site.store, tell=_LOG.warning)
     try:
         service = Service(
             site,

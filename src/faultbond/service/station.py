@@ -255,13 +255,20 @@ class Service:
                     self._fed[item.asset].pending -= 1
 
     async def _tell(self, worker: ThreadPoolExecutor, done: Sequence[Done]) -> None:
-        """Tell what was done; who listens misses what cannot be told, and nothing else does."""
-        try:
-            news = await asyncio.get_running_loop().run_in_executor(worker, self._view.news, done)
-        except Exception as error:
-            if not self._telling.trouble:
-                self._telling.breaks(error, self._clock(), is_over=False)
-            return
+        """Tell what was done, once the store can be read for that; who listens misses what else cannot be told."""
+        while True:
+            try:
+                news = await asyncio.get_running_loop().run_in_executor(worker, self._view.news, done)
+            except StoreError as error:
+                self._kept.fails(str(error), self._clock())
+                await asyncio.sleep(RETRY)
+            except Exception as error:
+                if not self._telling.trouble:
+                    self._telling.breaks(error, self._clock(), is_over=False)
+                return
+            else:
+                break
+        self._kept.works(self._clock())
         for name, content in news:
             self._hub.publish(name, content)
 

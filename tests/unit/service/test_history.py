@@ -1,6 +1,7 @@
 """What a store keeps can be listed, written as a recording that gives the same records, and passed again."""
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,10 @@ from faultbond.service.contract.messages import Action, Deed, NamedRecord
 from faultbond.service.contract.store import Commit, Enrolment
 from faultbond.service.history import Excerpt, columns_in_units, line_of, tell_history
 from faultbond.service.store.chunks import joined_rows
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
+from faultbond.service.store.relational import RelationalStore
 from made import EXAMPLES
+from postgres import PostgresServer
 from stored import deed, enrolment, some_rows, told
 
 TANK, RECORDING = EXAMPLES / "tank" / "model.yaml", EXAMPLES / "tank" / "fault_pipe.csv"
@@ -36,7 +39,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("kept") / "plant.db"
     plant = find_plant(TANK, Wanted())
     asset = Asset("tank", plant)
-    store = SqliteStore(path, reserve=0)
+    store = open_store(path, reserve=0)
     store.enrol(
         Enrolment(
             asset="tank",
@@ -58,7 +61,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def feed(store: SqliteStore, asset: Asset, rows: RowBlock, first: int) -> None:
+def feed(store: RelationalStore, asset: Asset, rows: RowBlock, first: int) -> None:
     """Watch some rows, and keep what came of them."""
     found = asset.take(rows)
     part = Commit(
@@ -73,7 +76,7 @@ def of_kinds(records: list[dict[str, Any]], *kinds: str) -> list[dict[str, Any]]
     return [{key: item[key] for key in item if key not in own} for item in records if item["record"] in kinds]
 
 
-def listed(kept: Path, target: Path, *arguments: str) -> list[dict[str, Any]]:
+def listed(kept: Path | str, target: Path, *arguments: str) -> list[dict[str, Any]]:
     """The records that `history` writes."""
     assert main(["history", str(kept), "--json", str(target), *arguments]) == 0
     return [json.loads(line) for line in target.read_text().splitlines()]
@@ -114,6 +117,30 @@ def test_the_journal(kept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert listed(kept, tmp_path / "none.json", "--from", "1970-01-01T02:00:00") == []
 
 
+def test_a_store_in_a_server(kept: Path, tmp_path: Path, postgres: PostgresServer) -> None:
+    """The same rows, records and deeds in a server give the same journal and the same recording."""
+    source, place = open_store(kept, writes=False), postgres.url()
+    target = open_store(place)
+    for new in source.enrolments():
+        target.enrol(new)
+    rows = joined_rows([item for item in source.log_between("tank") if isinstance(item, RowBlock)])
+    passed = 0
+    for item in source.journal():
+        if isinstance(item, NamedRecord):
+            target.commit([Commit(asset="tank", records=(item,))])
+        else:
+            before = rows.part(slice(passed, item.rows))
+            target.commit([Commit(asset="tank", rows=before, deeds=(replace(item, number=0),))])
+            passed = item.rows
+    target.commit([Commit(asset="tank", rows=rows.part(slice(passed, len(rows))))])
+    target.close()
+    source.close()
+    assert listed(place, tmp_path / "server.json") == listed(kept, tmp_path / "file.json")
+    for store, name in ((place, "server.csv"), (kept, "file.csv")):
+        assert main(["history", str(store), "-o", str(tmp_path / name), "--from", "100", "--to", "2500"]) == 0
+    assert (tmp_path / "server.csv").read_bytes() == (tmp_path / "file.csv").read_bytes()
+
+
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_a_recording_gives_the_same_records(kept: Path, tmp_path: Path, ending: str) -> None:
     """What is written is read by `run` to the last bit, and gives the records of the service up to the decision."""
@@ -122,7 +149,7 @@ def test_a_recording_gives_the_same_records(kept: Path, tmp_path: Path, ending: 
     assert main(["history", str(kept), "-o", str(target), "--to", "2399"]) == 0
     graph = find_plant(TANK, Wanted()).graph
     found = joined_rows([*read_blocks(target, columns_of(graph))])
-    store = SqliteStore(kept, writes=False)
+    store = open_store(kept, writes=False)
     rows = [item for item in store.log_between("tank", end=2399.0) if isinstance(item, RowBlock)]
     expected = joined_rows(rows)
     for name in ("time", "u", "y"):
@@ -146,7 +173,7 @@ def test_a_report_of_a_period(kept: Path, tmp_path: Path) -> None:
     page = target.read_text()
     assert "<html" in page
     assert "Accepted" in page
-    store = SqliteStore(kept, writes=False)
+    store = open_store(kept, writes=False)
     (enrolled,) = store.enrolments()
     course = history.replayed(enrolled, store.log_between("tank")).run.course
     assert [item.candidate.parameters for item in course.found.accepted] == [("K1",)]
@@ -193,7 +220,7 @@ def test_columns_of_a_log() -> None:
 )
 def test_what_cannot_be_written(tmp_path: Path, wanted: Excerpt, output: str | None, reason: str) -> None:
     """One line says what is wrong, and no file is made."""
-    store = SqliteStore(tmp_path / "plant.db", reserve=0)
+    store = open_store(tmp_path / "plant.db", reserve=0)
     for name in ("pump", "fan"):
         store.enrol(enrolment(name))
     store.commit([Commit(asset="pump", rows=some_rows(0, 9), records=(told("pump", 3),))])
@@ -206,7 +233,7 @@ def test_what_cannot_be_written(tmp_path: Path, wanted: Excerpt, output: str | N
 
 def test_an_older_model(tmp_path: Path) -> None:
     """A period in which another model was in force is written with that model's names."""
-    store = SqliteStore(tmp_path / "plant.db", reserve=0)
+    store = open_store(tmp_path / "plant.db", reserve=0)
     text = TANK.read_text()
     for k, name in enumerate(("flow", "current_flow")):
         new = Enrolment(

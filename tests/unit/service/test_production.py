@@ -19,7 +19,7 @@ from faultbond.service.contract.messages import Arrivals
 from faultbond.service.door import refuse_open_door
 from faultbond.service.site import read_site
 from faultbond.service.site_log import AssetPlan, SiteLog
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
 from loop_asset import FOUND, MODEL, plant, rows
 
 FOLDER = Path("examples/service").resolve()
@@ -98,7 +98,7 @@ def test_a_backup_is_a_store_that_goes_on(tmp_path: Path) -> None:
         log.take([Arrivals(asset="loop", rows=block, arrived=0.0, cursor=str(last))])
         log.settle()
 
-    store = SqliteStore(tmp_path / "kept.sqlite")
+    store = open_store(tmp_path / "kept.sqlite")
     log = SiteLog([plan], store)
     taken(log, 0, 500)
     with (
@@ -109,7 +109,7 @@ def test_a_backup_is_a_store_that_goes_on(tmp_path: Path) -> None:
     taken(log, 500, FOUND)
     records = list(store.records())
     store.close()
-    copied = SqliteStore(tmp_path / "copy")
+    copied = open_store(tmp_path / "copy")
     again = SiteLog([plan], copied)
     assert (again.rows("loop"), again.cursors["loop"]) == (500, "500")
     taken(again, 500, FOUND)

@@ -20,7 +20,7 @@ from faultbond.errors import FaultbondError
 from faultbond.io.out import Out
 from faultbond.service.program import serve
 from faultbond.service.site import Site, SiteAsset, User
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
 from faultbond.service.web.security import hashed, matches
 from loop_asset import MODEL, RECORDING, plant
 
@@ -83,7 +83,7 @@ def test_a_killed_service_goes_on_and_tells_nothing_twice(tmp_path: Path) -> Non
         said, complained = process.communicate()
         assert said == f"rlc: http://127.0.0.1:{port}/ - Ctrl-C stops it.\n"
         assert complained == ""
-    kept, whole = (SqliteStore(tmp_path / name, writes=False) for name in ("kept.sqlite", "whole.sqlite"))
+    kept, whole = (open_store(tmp_path / name, writes=False) for name in ("kept.sqlite", "whole.sqlite"))
     assert [(item.id, item.content) for item in kept.records()] == [(item.id, item.content) for item in whole.records()]
     assert not kept.contested()
     lines = [json.loads(line) for line in (tmp_path / "records.jsonl").read_text().splitlines()]
@@ -135,6 +135,11 @@ def test_a_check_says_what_would_be_watched(capsys: pytest.CaptureFixture[str]) 
     said = capsys.readouterr().out
     assert "from file:live.csv; accepts what is 0.99 sure" in said
     assert "Kept in faultbond.sqlite. Page: 127.0.0.1:8350. People: whoever is at this machine." in said
+    place = "postgresql://ann:secret@db.local/plant"
+    assert main(["serve", str(MODEL), "--check", "--store", place, "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["store"] == "postgresql://ann@db.local/plant"
+    assert main(["serve", str(MODEL), "--check", "--store", place]) == 0
+    assert "Kept in postgresql://ann@db.local/plant. Page" in capsys.readouterr().out
     assert main(["serve", str(MODEL), "--source", "fiel:live.csv", "--check"]) == 2
     assert "Did you mean file:?" in capsys.readouterr().err
 

@@ -13,7 +13,8 @@ from faultbond.errors import StoreError
 from faultbond.service.contract.messages import Action, Arrivals, Deed
 from faultbond.service.contract.store import Commit, LogStore
 from faultbond.service.site_log import AssetPlan, Done, SiteLog
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
+from faultbond.service.store.relational import RelationalStore
 from loop_asset import FOUND, deed, plant, rows
 from memory_store import MemoryStore
 
@@ -37,9 +38,9 @@ def work(watch: SiteLog, *items: Arrivals | Deed) -> list[Done]:
 
 
 @pytest.fixture
-def stores(tmp_path: Path) -> Iterator[tuple[SqliteStore, SqliteStore]]:
-    """Give two stores in files."""
-    made = [SqliteStore(tmp_path / f"{name}.sqlite", reserve=0) for name in ("one", "other")]
+def stores(tmp_path: Path, place: str) -> Iterator[tuple[RelationalStore, RelationalStore]]:
+    """Give two stores, the first in a file, the other in one of each kind."""
+    made = [open_store(where, reserve=0) for where in (tmp_path / "one.sqlite", place)]
     yield made[0], made[1]
     for store in made:
         store.close()
@@ -84,9 +85,9 @@ def played(store: LogStore, seed: int, stops: Sequence[int]) -> SiteLog:
     return now
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("seed", "place"), [(0, "sqlite"), (1, "sqlite"), (2, "postgresql")], indirect=["place"])
 def test_a_service_that_is_killed_tells_what_one_tells_that_is_not(
-    seed: int, stores: tuple[SqliteStore, SqliteStore]
+    seed: int, stores: tuple[RelationalStore, RelationalStore]
 ) -> None:
     """Records, their names, deeds and the state at the end are the same, wherever it was stopped."""
     whole, cut = stores
@@ -103,7 +104,7 @@ def test_a_service_that_is_killed_tells_what_one_tells_that_is_not(
     assert again.assets["loop"].checkpoint() == last.assets["loop"].checkpoint()
 
 
-def test_what_is_taken_back_was_never_decided(stores: tuple[SqliteStore, SqliteStore]) -> None:
+def test_what_is_taken_back_was_never_decided(stores: tuple[RelationalStore, RelationalStore]) -> None:
     """After an undo the diagnoses are those of a service in which nobody accepted."""
     plain, turned = stores
     left, right = watch(plain), watch(turned)
@@ -125,7 +126,7 @@ def test_what_is_taken_back_was_never_decided(stores: tuple[SqliteStore, SqliteS
     assert "no decision that can be taken back" in str(refused.error)
 
 
-def test_only_the_last_decision_is_taken_back(stores: tuple[SqliteStore, SqliteStore]) -> None:
+def test_only_the_last_decision_is_taken_back(stores: tuple[RelationalStore, RelationalStore]) -> None:
     """Who names another one, which may be of somebody else, is told which it is; what was decided stays."""
     store, _ = stores
     log = watch(store)
@@ -141,7 +142,7 @@ def test_only_the_last_decision_is_taken_back(stores: tuple[SqliteStore, SqliteS
     assert log.assets["loop"].detection is not None
 
 
-def test_every_record_has_a_name_of_its_own(stores: tuple[SqliteStore, SqliteStore]) -> None:
+def test_every_record_has_a_name_of_its_own(stores: tuple[RelationalStore, RelationalStore]) -> None:
     """Also of the same sample: after two rejections in a row, and after one was taken back while diagnoses came."""
     store, _ = stores
     now = watch(store)

@@ -1,7 +1,7 @@
 """The service at work: sources that fail and come back, a store that does, people, and who listens."""
 
 import asyncio
-from collections.abc import AsyncGenerator, Mapping, Sequence
+from collections.abc import AsyncGenerator, Iterator, Mapping, Sequence
 from typing import Any
 
 import pytest
@@ -10,17 +10,26 @@ from faultbond.errors import FaultbondError, StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.asset import Asset
 from faultbond.service.contract.face import Request
-from faultbond.service.contract.messages import Action, Arrivals
+from faultbond.service.contract.messages import Action, Arrivals, Deed
 from faultbond.service.contract.store import Commit
+from faultbond.service.store.opening import open_store
 from loop_asset import FOUND, rows
 from memory_store import MemoryStore
 from played import QUICK, TIMEOUT, Clock, Played, PlayedSource, play
+from postgres import PostgresServer
+from stored import flat
 
 
 class FailingStore(MemoryStore):
-    """One that cannot be written for a while."""
+    """One that cannot be written, or read, for a while."""
 
-    failures = 0
+    failures = unread = 0
+
+    def deeds(self, asset: str | None = None, *, newest: int | None = None) -> Iterator[Deed]:
+        if self.unread:
+            self.unread -= 1
+            raise StoreError("kept.sqlite: the server is gone.")
+        return super().deeds(asset, newest=newest)
 
     def commit(self, parts: Sequence[Commit]) -> None:
         if self.failures:
@@ -96,8 +105,7 @@ def test_a_source_that_is_lost_is_opened_again_behind_what_came(monkeypatch: pyt
 
     played = Played(lost_at=500)
     play(played, course)
-    (log,) = played.store.logs.values()
-    assert len(log.rows) == FOUND
+    assert len(flat(played.store.log_after("loop", 0, 0))) == FOUND
 
 
 def test_no_data_is_never_normal() -> None:
@@ -166,6 +174,60 @@ def test_what_waits_is_taken_in_portions(monkeypatch: pytest.MonkeyPatch) -> Non
     play(Played(Listing(), portion=50), course)
     assert sum(taken) == FOUND
     assert max(taken) == 150  # the portion with which there are enough is the last
+
+
+def test_a_store_that_cannot_be_read_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is to be told of an asset is told once its journal can be read, and the page says so meanwhile."""
+    monkeypatch.setattr("faultbond.service.station.RETRY", 0.05)
+    store = FailingStore()
+
+    async def course(played: Played) -> None:
+        store.unread = 3
+        troubles: set[str] = set()
+
+        async def look() -> None:
+            while True:
+                troubles.add(played.service.health()["parts"]["store"]["trouble"])
+                await asyncio.sleep(0.001)
+
+        looking = asyncio.create_task(look())
+        async for name, _ in played.service.listen(1000):
+            if name == "asset":
+                break
+        await played.until(lambda: played.passed(FOUND) and played.service.health()["ok"])
+        looking.cancel()
+        assert troubles == {"", "kept.sqlite: the server is gone."}
+
+    play(Played(store), course)
+
+
+def test_a_server_that_is_gone_for_a_while(monkeypatch: pytest.MonkeyPatch, postgres: PostgresServer) -> None:
+    """Its service says so, goes on when it is back, and has all that it was told and what came meanwhile, once."""
+    monkeypatch.setattr("faultbond.service.station.RETRY", 0.05)
+    place = postgres.url()
+    store = open_store(place)
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(300))
+        await asyncio.to_thread(postgres.stop)
+        await played.until(lambda: not played.service.health()["ok"])
+        trouble = played.service.health()["parts"]["store"]["trouble"]
+        assert trouble.startswith(f"{place}: the ")
+        wish = asyncio.create_task(played.do(Action.SUPPRESS))
+        await asyncio.to_thread(postgres.start)
+        await played.until(lambda: played.service.health()["ok"] and played.passed(FOUND))
+        assert (await wish)["number"] == 1
+        await played.until(lambda: played.summary["best"] is not None)
+
+    play(Played(store, portion=10, pace=0.01), course)
+    items = flat(store.log_after("loop", 0, 0))
+    assert [item for item in items if isinstance(item, tuple)] == flat([rows().part(slice(0, FOUND))])
+    assert [item.action for item in items if isinstance(item, Deed)] == [Action.SUPPRESS]
+    ids = [item.id for item in store.records()]
+    assert ids
+    assert len(ids) == len(set(ids))
+    assert store.contested() == []
+    store.close()
 
 
 def test_it_goes_on_where_it_stopped() -> None:

@@ -72,7 +72,10 @@ class LogStore(Protocol):
         """
 
     def commit(self, parts: Sequence[Commit]) -> None:
-        """Write what came of some arrivals and deeds, all or nothing; on the disk when this returns."""
+        """Write what came of some arrivals and deeds, all or nothing; on the disk when this returns.
+
+        Who tries again gives the same parts: a store that could not hear whether they were written then finds out.
+        """
 
     def log_after(self, asset: str, rows: int, deeds: int) -> Iterator[RowBlock | Deed]:
         """Give rows and deeds of the log behind so many of each, in their order.

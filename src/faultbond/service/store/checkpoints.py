@@ -22,8 +22,9 @@ def write_checkpoint(database: Database, log: Log, content: bytes) -> None:
         checksum=zlib.crc32(kept),
         content=kept,
     )
-    older = "SELECT number FROM checkpoints WHERE log=? ORDER BY number DESC LIMIT -1 OFFSET ?"
-    database.change(f"DELETE FROM checkpoints WHERE number IN ({older})", log.number, KEPT)  # noqa: S608
+    newest = "SELECT number FROM checkpoints WHERE log=? ORDER BY number DESC LIMIT ?"
+    forgotten = f"DELETE FROM checkpoints WHERE log=? AND number NOT IN ({newest})"  # noqa: S608 - words are ours
+    database.change(forgotten, log.number, log.number, KEPT)
 
 
 def stand_of(database: Database, log: Log, tell: Callable[[str], None]) -> LogPlace:
@@ -39,7 +40,7 @@ def stand_of(database: Database, log: Log, tell: Callable[[str], None]) -> LogPl
                 checkpoint_deeds=deeds,
             )
         tell(
-            f"{database.path}: the state of {log.name!r} behind row {rows} is damaged on the disk; that before it is "
+            f"{database.name}: the state of {log.name!r} behind row {rows} is damaged on the disk; that before it is "
             "taken. Check the disk."
         )
     return LogPlace(rows=log.rows, cursor=log.cursor)

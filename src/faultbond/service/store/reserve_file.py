@@ -1,7 +1,7 @@
 """Room on the disk that is kept, so that a store whose disk is full goes on for a while and can be made smaller.
 
 To forget rows needs room, too: a transaction is written beside the store before it is one with it. So the first half is
-for what comes, and the second for what goes; it has to hold the file of transactions, see `database.LONGEST_LOG`.
+for what comes, and the second for what goes; it has to hold the file of transactions, see `sqlite.LONGEST_LOG`.
 """
 
 import os

@@ -1,8 +1,5 @@
 """What a store forgets: chunks of rows and curves, by age and by size, and never what a checkpoint needs.
 
-Their room is used again for what comes next. Where much more is left than that needs, as after a smaller size was asked
-for, the file becomes smaller, by some MB each time, since that moves what is behind the holes.
-
 A log can be passed on from each of its checkpoints, the oldest of them included, since a newer one may be damaged.
 """
 
@@ -12,8 +9,6 @@ from faultbond.service.store.database import Database
 from faultbond.service.store.tail import CHUNKS, PIECES, ROWS
 
 AT_ONCE = 256  # chunks in a transaction, so that arrivals do not wait long
-SPARE = 256  # pages that stay in the file without content, beside a sixteenth of all
-SHRUNK = 4096  # pages that a call gives back to the disk
 _DISPENSABLE = """
     SELECT number, kind, count, length(content) FROM {0} AS chunk
     WHERE arrived<? AND (kind<>? OR first+count<=(
@@ -25,7 +20,7 @@ _DISPENSABLE = """
 def forget(database: Database, *, older_than: float | None, at_most: int | None) -> int:
     """Forget chunks, those that came first first, and give how many rows of logs went.
 
-    A chunk goes once its newest row arrived before `older_than`; chunks go until the file has `at_most` bytes.
+    A chunk goes once its newest row arrived before `older_than`; chunks go until the store has `at_most` bytes.
     """
     gone = 0
     if older_than is not None:
@@ -36,7 +31,7 @@ def forget(database: Database, *, older_than: float | None, at_most: int | None)
         if found is None:
             break
         gone += found
-    database.shrink(SPARE, SHRUNK)
+    database.shrink()
     return gone
 
 

@@ -1,6 +1,6 @@
 """The log of an asset in chunks: what comes is a piece, some pieces become a chunk, and small chunks a large one.
 
-Pieces have no index: they are few, and of all assets together, so that a commit writes few pages of the file. A large
+Pieces have no index: they are few, and of all assets together, so that a commit writes few pages of the disk. A large
 chunk is dense, and one of curves has an overview, its points thinned, so that a long period can be drawn without all of
 it being read. All this happens inside the transaction of some commit, for a few assets at a time: no commit waits for
 those of all.
@@ -31,6 +31,7 @@ OVERVIEW = 32  # points that stand for a large chunk
 MANY = 32  # pieces that become a chunk, unless their rows are enough for a large one before
 PIECES, CHUNKS = "pieces", "chunks"  # tables
 _AT_ONCE = 16  # chunks that are read at once
+_ALL = 2**62
 
 
 class Timed(Protocol):
@@ -117,7 +118,7 @@ class Log:
 
 
 def find_tails(database: Database, log: int) -> tuple[Tail, ...]:
-    """Give the tails of a log as the file has them."""
+    """Give the tails of a log as the database has them."""
     small = "SELECT min(first), sum(count) FROM chunks WHERE log=? AND kind=? AND dense=0"
     pieces = "SELECT number, count FROM pieces WHERE log=? AND kind=? ORDER BY first"
     tails = []
@@ -125,7 +126,7 @@ def find_tails(database: Database, log: int) -> tuple[Tail, ...]:
         first, count = database.rows(small, log, kind.number)[0]
         found = database.rows(pieces, log, kind.number)
         numbers, rows = tuple(item[0] for item in found), sum(item[1] for item in found)
-        tails.append(Tail(pieces=numbers, rows=rows, first=first or 0, count=count or 0))
+        tails.append(Tail(pieces=numbers, rows=rows, first=first or 0, count=int(count or 0)))
     return tuple(tails)
 
 
@@ -192,7 +193,7 @@ def merge(database: Database, log: Log, kind: ChunkKind[Any], at_most: int) -> t
 
 def chunk_title(database: Database, name: str, kind: ChunkKind[Any], first: int, count: int) -> str:
     """Give what messages call a chunk."""
-    return f"{database.path}: {kind.word} {first + 1} to {first + count} of {name!r}"
+    return f"{database.name}: {kind.word} {first + 1} to {first + count} of {name!r}"
 
 
 def _united(
@@ -282,7 +283,7 @@ def blocks_after(
             found = database.rows(f"{what} chunks {place}", *values, _AT_ONCE)
             is_last = len(found) < _AT_ONCE
             if is_last:
-                found += database.rows(f"{what} pieces {place}", *values, -1)
+                found += database.rows(f"{what} pieces {place}", *values, _ALL)
         for number, count, content in found:
             block = kind.unpack(content, chunk_title(database, log.name, kind, number, count))
             begins = max(first, number)

@@ -4,19 +4,18 @@ Arguments: the store, the number of assets, the seed. It says after each commit 
 """
 
 import sys
-from pathlib import Path
 
 import numpy as np
 
 from faultbond.service.contract.store import Commit
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
 from stored import deed, enrolment, some_curves, some_rows, told
 
 
 def main() -> None:
-    path, n_assets, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    place, n_assets, seed = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     random = np.random.default_rng(seed)
-    store = SqliteStore(path, reserve=2**16)
+    store = open_store(place, reserve=2**16)
     rows = {}
     for k in range(n_assets):
         rows[f"a{k}"] = store.enrol(enrolment(f"a{k}")).rows

@@ -4,21 +4,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import mkdtemp
 from unittest.mock import patch
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
 from faultbond.errors import StoreError
 from faultbond.service.contract.messages import Action, Curves, Deed, NamedRecord
 from faultbond.service.contract.store import Commit
-from faultbond.service.store import sqlite, tail
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store import relational, tail
+from faultbond.service.store.opening import open_store
 from memory_store import MemoryStore
+from postgres import PostgresServer
 from stored import enrolment, flat, some_curves, some_rows
 
 ASSETS, MODELS = ("pump", "tänk"), ("a" * 64, "b" * 64)
@@ -32,13 +33,13 @@ def small_chunks(large: int = 6, overview: int = 4) -> Iterator[None]:
     """Let few rows make a large chunk, and few pages be read at once, so that tests come past all of it."""
     with (
         patch.object(tail, "LARGE", large),
-        patch.object(sqlite, "LARGE", large),
+        patch.object(relational, "LARGE", large),
         patch.object(tail, "MANY", 2),
-        patch.object(sqlite, "LEAST_EFFORT", 1),
+        patch.object(relational, "LEAST_EFFORT", 1),
         patch.object(tail, "OVERVIEW", overview),
-        patch.object(sqlite, "OVERVIEW", overview),
+        patch.object(relational, "OVERVIEW", overview),
         patch.object(tail, "_AT_ONCE", 2),
-        patch.object(sqlite, "PAGE", 3),
+        patch.object(relational, "PAGE", 3),
     ):
         yield
 
@@ -54,10 +55,9 @@ def assert_same_curves(one: Curves | None, other: Curves | None) -> None:
 class AnySequence(RuleBasedStateMachine):
     """Does the same with a store and with the slow one, and compares what they give."""
 
-    def __init__(self) -> None:
+    def __init__(self, place: str) -> None:
         super().__init__()
-        self.folder = TemporaryDirectory()
-        self.path = Path(self.folder.name) / "plant.db"
+        self.place = place
         self.patches = small_chunks()
         self.patches.__enter__()
         self.heard: list[str] = []
@@ -65,12 +65,11 @@ class AnySequence(RuleBasedStateMachine):
         self.open()
 
     def open(self) -> None:
-        self.store = SqliteStore(self.path, tell=self.heard.append, reserve=0)
+        self.store = open_store(self.place, tell=self.heard.append, reserve=0)
 
     def teardown(self) -> None:
         self.store.close()
         self.patches.__exit__(None, None, None)
-        self.folder.cleanup()
 
     @initialize()
     def begin(self) -> None:
@@ -251,7 +250,24 @@ class AnySequence(RuleBasedStateMachine):
         assert {(item.asset, item.model_sha256) for item in found} == self.slow.logs.keys()
 
 
-TestAnySequence = AnySequence.TestCase
-TestAnySequence.settings = settings(
-    max_examples=30, stateful_step_count=25, deadline=None, suppress_health_check=[HealthCheck.too_slow]
-)
+COURSES = settings(max_examples=30, stateful_step_count=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+
+def test_any_sequence_in_a_file(tmp_path: Path) -> None:
+    """A store in a file of SQLite."""
+
+    class InFile(AnySequence):
+        def __init__(self) -> None:
+            super().__init__(f"{mkdtemp(dir=tmp_path)}/plant.db")
+
+    run_state_machine_as_test(InFile, settings=COURSES)
+
+
+def test_any_sequence_in_a_server(postgres: PostgresServer) -> None:
+    """A store in a server of PostgreSQL."""
+
+    class InServer(AnySequence):
+        def __init__(self) -> None:
+            super().__init__(postgres.url())
+
+    run_state_machine_as_test(InServer, settings=COURSES)

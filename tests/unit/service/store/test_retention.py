@@ -1,5 +1,6 @@
 """What a store forgets, how small it is then, and how small what it keeps is."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +9,12 @@ import pytest
 from faultbond.errors import StoreError
 from faultbond.service.contract.store import Commit
 from faultbond.service.store import tail
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
+from faultbond.service.store.relational import RelationalStore
 from stored import deed, enrolment, flat, some_curves, some_rows, told
 
 
-def grown(store: SqliteStore, first: int, last: int, *, each: int = 50, asset: str = "pump") -> None:
+def grown(store: RelationalStore, first: int, last: int, *, each: int = 50, asset: str = "pump") -> None:
     """Commit rows that arrive at their own time, with a checkpoint at the end."""
     for begin in range(first, last, each):
         store.commit(
@@ -30,15 +32,22 @@ def grown(store: SqliteStore, first: int, last: int, *, each: int = 50, asset: s
     store.commit([Commit(asset=asset, checkpoint=b"state")])
 
 
-@pytest.fixture
-def store(tmp_path: Path) -> SqliteStore:
+def begun(place: str | Path) -> RelationalStore:
     """An empty store with one asset."""
-    found = SqliteStore(tmp_path / "plant.db", reserve=0)
+    found = open_store(place, reserve=0)
     found.enrol(enrolment())
     return found
 
 
-def test_forgetting_by_age(store: SqliteStore) -> None:
+@pytest.fixture
+def store(place: str) -> Iterator[RelationalStore]:
+    """An empty store of each kind with one asset."""
+    found = begun(place)
+    yield found
+    found.close()
+
+
+def test_forgetting_by_age(store: RelationalStore) -> None:
     """Large chunks that arrived before a time go, rows and curves; records and deeds stay, and the log goes on."""
     grown(store, 0, 10_000)
     assert store.retain(older_than=4500.0) == 4000
@@ -57,7 +66,7 @@ def test_forgetting_by_age(store: SqliteStore) -> None:
     assert len([item for item in flat(store.log_after("pump", 4000, 0)) if isinstance(item, tuple)]) == 6100
 
 
-def test_what_checkpoints_need_stays(store: SqliteStore) -> None:
+def test_what_checkpoints_need_stays(store: RelationalStore) -> None:
     """Without a checkpoint all rows stay, whatever is asked for; with some, those behind the oldest that is kept."""
     store.commit([Commit(asset="pump", rows=some_rows(0, 5000), curves=some_curves(0, 5000))])
     assert store.retain(older_than=np.inf, at_most=0) == 0
@@ -74,11 +83,23 @@ def test_what_checkpoints_need_stays(store: SqliteStore) -> None:
         list(store.log_after("pump", 7999, 8))
 
 
-def test_the_file_becomes_smaller(store: SqliteStore) -> None:
+def test_forgetting_by_size(store: RelationalStore) -> None:
+    """The oldest go until the store is that small, and no more than that."""
+    grown(store, 0, 20_000, each=500)
+    before = store._database.used()
+    gone = store.retain(at_most=before // 2)
+    assert before * 0.4 < store._database.used() <= before // 2
+    assert 20_000 * 0.4 < gone < 20_000 * 0.8
+    kept = [item for item in flat(store.log_between("pump")) if isinstance(item, tuple)]
+    assert kept == flat([some_rows(gone, 20_000 - gone)])
+
+
+def test_the_file_becomes_smaller(tmp_path: Path) -> None:
     """By size the oldest go until the file is that small, and the place on the disk is given back."""
-    path = store._database.path
+    path = tmp_path / "plant.db"
+    store = begun(path)
     grown(store, 0, 60_000, each=500)
-    store._database.settle()
+    store._database.shrink()
     before = path.stat().st_size
     limit = before // 3
     gone = store.retain(at_most=limit)
@@ -90,9 +111,10 @@ def test_the_file_becomes_smaller(store: SqliteStore) -> None:
     assert len(list(store.records())) == 120
 
 
-def test_the_file_stops_growing(store: SqliteStore) -> None:
+def test_the_file_stops_growing(tmp_path: Path) -> None:
     """A store that forgets while it is written stays as large as it may be, with its file of transactions."""
-    path, sizes = store._database.path, []
+    path, sizes = tmp_path / "plant.db", []
+    store = begun(path)
     for first in range(0, 40_000, 2000):
         grown(store, first, first + 2000, each=100)
         store.retain(at_most=400_000)
@@ -101,7 +123,7 @@ def test_the_file_stops_growing(store: SqliteStore) -> None:
     assert max(sizes) < 400_000 + 300 * 4096
 
 
-def test_rows_after_a_hole_are_merged_apart(store: SqliteStore, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_after_a_hole_are_merged_apart(store: RelationalStore, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where small chunks between others went, since the clock of arrivals was set back, those around it stay apart."""
     monkeypatch.setattr(tail, "LARGE", 10)
     for k, arrived in enumerate([9.0, 1.0, 9.0]):
@@ -116,7 +138,7 @@ def test_rows_after_a_hole_are_merged_apart(store: SqliteStore, monkeypatch: pyt
     assert store._database.rows("SELECT first, count FROM chunks WHERE dense=1 ORDER BY first") == [(0, 3), (6, 12)]
 
 
-def test_small_chunks_become_large_ones(store: SqliteStore) -> None:
+def test_small_chunks_become_large_ones(store: RelationalStore) -> None:
     """After a day of rows, one a commit, few chunks are left, and each row takes fewer bytes than its numbers."""
     for first in range(0, 3050):
         rows = some_rows(first, 1, n_inputs=1, n_outputs=2)
@@ -131,7 +153,7 @@ def test_small_chunks_become_large_ones(store: SqliteStore) -> None:
     assert flat(store.log_after("pump", 0, 0)) == flat([some_rows(0, 3050)])
 
 
-def test_no_commit_merges_all_assets(store: SqliteStore) -> None:
+def test_no_commit_merges_all_assets(store: RelationalStore) -> None:
     """Chunks of assets that come in step are merged a few assets at a time, and all in the end."""
     names = [f"a{k}" for k in range(24)]
     for name in names:

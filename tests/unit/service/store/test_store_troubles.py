@@ -5,6 +5,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -15,15 +16,17 @@ import pytest
 from faultbond.errors import StoreError
 from faultbond.service.contract.store import Commit, LogStore
 from faultbond.service.store.database import FORMAT
-from faultbond.service.store.sqlite import SqliteStore
+from faultbond.service.store.opening import open_store
+from faultbond.service.store.relational import RelationalStore
+from faultbond.service.store.sqlite import SqliteDatabase
 from stored import deed, enrolment, flat, some_curves, some_rows, told
 
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 
 
-def filled(path: Path, n: int = 3000, *, each: int = 100, checkpoint: bytes | None = b"state") -> SqliteStore:
+def filled(place: str | Path, n: int = 3000, *, each: int = 100, checkpoint: bytes = b"state") -> RelationalStore:
     """A store with rows of one asset, and a checkpoint at its end."""
-    store = SqliteStore(path, reserve=0)
+    store = open_store(place, reserve=0)
     store.enrol(enrolment())
     for first in range(0, n, each):
         store.commit([batch(first, each)])
@@ -50,12 +53,18 @@ def damage(path: Path, place: int, n: int = 64) -> None:
         stream.write(bytes(range(1, n + 1)))
 
 
-def one_line(error: pytest.ExceptionInfo[StoreError], path: Path) -> str:
+def one_line(error: pytest.ExceptionInfo[StoreError], place: str | Path) -> str:
     """What an error says, which names the store and is one line."""
     text = str(error.value)
-    assert text.startswith(f"{path}: ")
+    assert text.startswith(f"{place}: ")
     assert "\n" not in text
     return text
+
+
+def has_reserve(store: RelationalStore) -> bool:
+    """Whether a store in a file keeps room for when the disk is full."""
+    assert isinstance(store._database, SqliteDatabase)
+    return store._database.has_reserve
 
 
 @pytest.fixture
@@ -73,8 +82,8 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 def test_a_full_disk(small_disk: Path) -> None:
     """A full disk takes the reserve, then refuses; what was acknowledged is there; after forgetting it goes on."""
     path, heard = small_disk / "plant.db", list[str]()
-    store = SqliteStore(path, tell=heard.append, reserve=2**23)
-    assert store.has_reserve
+    store = open_store(path, tell=heard.append, reserve=2**23)
+    assert has_reserve(store)
     store.enrol(enrolment())
     done = 0
 
@@ -89,17 +98,17 @@ def test_a_full_disk(small_disk: Path) -> None:
     one_line(error, path)
     assert len(heard) == 1
     assert "reserve is in use" in heard[0]
-    assert not store.has_reserve
+    assert not has_reserve(store)
     assert list(store.records()) == [told("pump", 1000 * k) for k in range(done)]
     assert store.retain(at_most=3_000_000) > 0
     assert path.stat().st_size < 6_000_000
-    assert store.has_reserve
+    assert has_reserve(store)
     first = done
     with pytest.raises(StoreError, match="the disk is full"):
         write()
     assert done > first + 50
     store.close()
-    again = SqliteStore(path, reserve=0)
+    again = open_store(path, reserve=0)
     assert again.enrol(enrolment()).rows == done * 1000
     assert len(list(again.records())) == done
     again.close()
@@ -110,12 +119,12 @@ def test_the_reserve_comes_back(small_disk: Path) -> None:
     path, heard = small_disk / "plant.db", list[str]()
     ballast = small_disk / "ballast"
     ballast.write_bytes(b"x" * 2**23)
-    store = SqliteStore(path, tell=heard.append, reserve=2**23)
-    assert not store.has_reserve
+    store = open_store(path, tell=heard.append, reserve=2**23)
+    assert not has_reserve(store)
     assert heard == [f"{path}: the disk has no room for a reserve of 8 MB. Free some of it."]
     ballast.unlink()
     store.retain()
-    assert store.has_reserve
+    assert has_reserve(store)
     assert os.stat(f"{path}.reserve").st_blocks * 512 >= 2**23, "a file with holes keeps no room"
     store.close()
 
@@ -141,8 +150,8 @@ def test_a_folder_that_may_not_be_written(tmp_path: Path) -> None:
     filled(path, 300).close()
     tmp_path.chmod(0o500)
     with pytest.raises(StoreError, match="cannot be written"):
-        SqliteStore(path)
-    reader = SqliteStore(path, writes=False)
+        open_store(path)
+    reader = open_store(path, writes=False)
     assert len(list(reader.records())) == 3
     reader.close()
 
@@ -159,9 +168,9 @@ def test_a_disk_that_may_only_be_read(tmp_path: Path) -> None:
         filled(path, 300).close()
         subprocess.run(["mount", "-o", "remount,ro", str(place)], check=True)
         with pytest.raises(StoreError, match="cannot be written") as error:
-            SqliteStore(path)
+            open_store(path)
         one_line(error, path)
-        reader = SqliteStore(path, writes=False)
+        reader = open_store(path, writes=False)
         assert len(list(reader.records())) == 3
         assert flat(reader.log_after("pump", 0, 0)) == flat([some_rows(0, 300)])
         with pytest.raises(StoreError, match="cannot be written"):
@@ -171,25 +180,22 @@ def test_a_disk_that_may_only_be_read(tmp_path: Path) -> None:
         subprocess.run(["umount", str(place)], check=True)
 
 
-def test_one_service_a_store(tmp_path: Path) -> None:
+def test_one_service_a_store(place: str) -> None:
     """A second service is refused while the first has the store, in this process or another, and not after it."""
-    path = tmp_path / "plant.db"
-    first = filled(path, 100)
+    first = filled(place, 100)
     with pytest.raises(StoreError, match=r"another service writes it\. Stop that one") as error:
-        SqliteStore(path)
-    one_line(error, path)
-    code = (
-        "import sys, pathlib; from faultbond.service.store.sqlite import SqliteStore as S; S(pathlib.Path(sys.argv[1]))"
-    )
-    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False)
+        open_store(place)
+    one_line(error, place)
+    code = "import sys; from faultbond.service.store.opening import open_store as S; S(sys.argv[1])"
+    done = subprocess.run([sys.executable, "-c", code, place], capture_output=True, text=True, check=False)
     assert "another service writes it" in done.stderr
     first.close()
-    SqliteStore(path).close()
+    open_store(place).close()
 
 
 def test_a_file_that_another_program_has_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What another program keeps locked is refused after a while, and goes on once it lets go."""
-    monkeypatch.setattr("faultbond.service.store.database.WAIT", 0.05)
+    monkeypatch.setattr("faultbond.service.store.sqlite.WAIT", 0.05)
     path = tmp_path / "plant.db"
     store = filled(path, 100)
     other = sqlite3.connect(path, isolation_level=None)
@@ -211,7 +217,7 @@ def test_no_database(tmp_path: Path, content: bytes) -> None:
     path.write_bytes(content)
     for writes in (True, False):
         with pytest.raises(StoreError, match="no store of faultbond") as error:
-            SqliteStore(path, writes=writes)
+            open_store(path, writes=writes)
         one_line(error, path)
     assert path.read_bytes() == content
 
@@ -225,26 +231,30 @@ def test_another_database(tmp_path: Path) -> None:
     other.close()
     before = path.read_bytes()
     with pytest.raises(StoreError, match="this is a database, but no store of faultbond") as error:
-        SqliteStore(path)
+        open_store(path)
     one_line(error, path)
     assert path.read_bytes() == before
 
 
-def test_a_newer_format(tmp_path: Path) -> None:
+def test_a_newer_format(place: str) -> None:
     """A store of a later faultbond is refused with both formats."""
-    path = tmp_path / "plant.db"
-    store = filled(path, 100)
-    store._database.rows(f"PRAGMA user_version={FORMAT + 1}")
+    store = filled(place, 100)
+    if isinstance(store._database, SqliteDatabase):
+        store._database.rows(f"PRAGMA user_version={FORMAT + 1}")
+    else:
+        with store._database.transaction():
+            store._database.change("UPDATE faultbond SET format=format+1")
     store.close()
     for writes in (True, False):
         with pytest.raises(StoreError, match=f"of format {FORMAT + 1}, and this faultbond knows format {FORMAT}"):
-            SqliteStore(path, writes=writes)
+            open_store(place, writes=writes)
 
 
-def test_there_is_no_store(tmp_path: Path) -> None:
+def test_there_is_no_store(place: str, tmp_path: Path) -> None:
     """Who only reads makes no file."""
-    with pytest.raises(StoreError, match="there is no such store"):
-        SqliteStore(tmp_path / "plant.db", writes=False)
+    for _ in range(2):
+        with pytest.raises(StoreError, match="there is no such store"):
+            open_store(place, writes=False)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -257,7 +267,7 @@ def test_damaged_pages(tmp_path: Path) -> None:
         damage(path, place)
 
     def read() -> None:
-        store = SqliteStore(path, reserve=0)
+        store = open_store(path, reserve=0)
         store.enrol(enrolment())
         list(store.log_after("pump", 0, 0))
 
@@ -266,73 +276,66 @@ def test_damaged_pages(tmp_path: Path) -> None:
     one_line(error, path)
 
 
-def replace_bytes(path: Path, table: str, column: str, value: bytes | str, where: str = "1") -> None:
+def replace_bytes(store: RelationalStore, table: str, column: str, value: bytes | str, where: str = "1=1") -> None:
     """Change what is in a table behind the store's back."""
-    other = sqlite3.connect(path)
-    other.execute(f"UPDATE {table} SET {column}=? WHERE {where}", (value,))  # noqa: S608 - ours
-    other.commit()
-    other.close()
+    with store._database.transaction():
+        store._database.change(f"UPDATE {table} SET {column}=? WHERE {where}", value)  # noqa: S608 - ours
 
 
-def test_a_damaged_chunk_is_named(tmp_path: Path) -> None:
+def test_a_damaged_chunk_is_named(place: str) -> None:
     """Rows that are not what was written are refused by their numbers and asset; the others can be read."""
-    path = tmp_path / "plant.db"
-    store = filled(path, 3000)
+    store = filled(place, 3000)
     content = store._database.number("SELECT content FROM chunks WHERE kind=0 AND first=1000")
-    replace_bytes(
-        path, "chunks", "content", content[:-9] + bytes([content[-9] ^ 4]) + content[-8:], "kind=0 AND first=1000"
-    )
+    other = content[:-9] + bytes([content[-9] ^ 4]) + content[-8:]
+    replace_bytes(store, "chunks", "content", other, "kind=0 AND first=1000")
     reason = r"rows 1001 to 2000 of 'pump': damaged on the disk \(the checksum differs"
     with pytest.raises(StoreError, match=reason) as error:
         flat(store.log_after("pump", 0, 0))
-    one_line(error, path)
+    one_line(error, place)
     assert flat(store.log_after("pump", 2000, 0)) == flat([some_rows(2000, 1000)])
     store.close()
 
 
 @pytest.mark.parametrize(("table", "what"), [("records", "record 'pump/a/100/detection'"), ("deeds", "entry 1")])
-def test_a_damaged_record_is_named(tmp_path: Path, table: str, what: str) -> None:
+def test_a_damaged_record_is_named(place: str, table: str, what: str) -> None:
     """A record or an entry of the journal that is not what was written is refused by its name."""
-    path = tmp_path / "plant.db"
-    store = filled(path, 300)
+    store = filled(place, 300)
     store.commit([Commit(asset="pump", deeds=(deed("pump", 300),))])
-    replace_bytes(path, table, "content", '{"record": "other"}', "number=1" if table == "deeds" else "sample=100")
+    replace_bytes(store, table, "content", '{"record": "other"}', "number=1" if table == "deeds" else "sample=100")
     with pytest.raises(StoreError, match=f"{what}.* is damaged on the disk"):
         list(store.journal())
     store.close()
 
 
-def test_a_damaged_checkpoint(tmp_path: Path) -> None:
+def test_a_damaged_checkpoint(place: str) -> None:
     """The state before a damaged one serves, its rows are still there, and it is told; so is the one before that."""
-    path, heard = tmp_path / "plant.db", list[str]()
-    store = filled(path, 2000, checkpoint=b"first")
+    heard = list[str]()
+    store = filled(place, 2000, checkpoint=b"first")
     for k, name in enumerate((b"second", b"third", b"fourth")):
         store.commit([batch(2000 + 1000 * k, 1000), Commit(asset="pump", checkpoint=name)])
     assert store._database.number("SELECT count(*) FROM checkpoints") == 3
     store.retain(older_than=np.inf)
-    store.close()
     for rows, left in ((5000, b"third"), (4000, b"second")):
-        replace_bytes(path, "checkpoints", "content", b"nonsense", f"rows={rows}")
-        store = SqliteStore(path, tell=heard.append, reserve=0)
+        replace_bytes(store, "checkpoints", "content", b"nonsense", f"rows={rows}")
+        store.close()
+        store = open_store(place, tell=heard.append, reserve=0)
         stand = store.enrol(enrolment())
         assert stand.checkpoint == left
         expected = flat([some_rows(stand.checkpoint_rows, 5000 - stand.checkpoint_rows)])
         assert flat(store.log_after("pump", stand.checkpoint_rows, stand.checkpoint_deeds)) == expected
-        store.close()
     assert len(heard) == 3
-    assert f"{path}: the state of 'pump' behind row 5000 is damaged on the disk" in heard[0]
-    replace_bytes(path, "checkpoints", "content", b"nonsense")
-    store = SqliteStore(path, reserve=0)
+    assert f"{place}: the state of 'pump' behind row 5000 is damaged on the disk" in heard[0]
+    replace_bytes(store, "checkpoints", "content", b"nonsense")
     assert store.enrol(enrolment()).checkpoint is None
     with pytest.raises(StoreError, match="rows of 'pump' from 1 on are forgotten"):
         list(store.log_after("pump", 0, 0))
     store.close()
 
 
-def test_a_record_that_comes_again_otherwise(tmp_path: Path) -> None:
+def test_a_record_that_comes_again_otherwise(place: str) -> None:
     """The first is kept, the other beside it, the commit stands, and it is told each time."""
     heard: list[str] = []
-    store = SqliteStore(tmp_path / "plant.db", tell=heard.append, reserve=0)
+    store = open_store(place, tell=heard.append, reserve=0)
     store.enrol(enrolment())
     store.commit([Commit(asset="pump", records=(told("pump", 3, value=1.0),))])
     for _ in range(2):
@@ -356,21 +359,21 @@ def test_a_record_that_comes_again_otherwise(tmp_path: Path) -> None:
         (Commit(asset="pump", deeds=(deed("pump", 7),)), "it is behind 7 rows, not 110"),
     ],
 )
-def test_a_part_that_does_not_fit(tmp_path: Path, part: Commit, reason: str) -> None:
-    """One part that is wrong refuses the commit, and no other part of it is written."""
-    store = filled(tmp_path / "plant.db", 100)
+def test_a_part_that_does_not_fit(place: str, part: Commit, reason: str) -> None:
+    """One part that is wrong refuses the commit, and no other part of it is written, nor counted."""
+    store, done = filled(place, 100), Commit(asset="pump", deeds=(deed("pump", 110),))
     with pytest.raises(StoreError, match=reason):
-        store.commit([batch(100, 10), part])
+        store.commit([batch(100, 10), done, part])
     assert store.enrol(enrolment()).rows == 100
     assert len(list(store.records())) == 1
-    store.commit([batch(100, 10)])
-    assert flat(store.log_after("pump", 0, 0)) == flat([some_rows(0, 110)])
+    store.commit([batch(100, 10), done])
+    assert flat(store.log_after("pump", 0, 0)) == flat([some_rows(0, 110), replace(done.deeds[0], number=1)])
     store.close()
 
 
-def watch(path: Path, pipe: Connection) -> None:
+def watch(place: str, pipe: Connection) -> None:
     """Read a store again and again until told to stop; what is read must be whole each time."""
-    reader: LogStore = SqliteStore(path, writes=False)
+    reader: LogStore = open_store(place, writes=False)
     reads, rows = 0, 0
     try:
         while not pipe.poll():
@@ -392,16 +395,15 @@ def watch(path: Path, pipe: Connection) -> None:
         reader.close()
 
 
-def test_readers_while_one_writes(tmp_path: Path) -> None:
+def test_readers_while_one_writes(place: str) -> None:
     """Several other processes read a store that grows and whose chunks are merged, and find it whole."""
-    path = tmp_path / "plant.db"
-    store = SqliteStore(path, reserve=0)
+    store = open_store(place, reserve=0)
     store.enrol(enrolment())
     store.commit([batch(0, 50)])
     processes, pipes, context = [], [], get_context("spawn")
     for _ in range(3):
         here, there = context.Pipe()
-        processes.append(context.Process(target=watch, args=(path, there)))
+        processes.append(context.Process(target=watch, args=(place, there)))
         processes[-1].start()
         pipes.append(here)
     first = 50
