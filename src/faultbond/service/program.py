@@ -12,10 +12,11 @@ from pathlib import Path
 from types import ModuleType
 
 from faultbond.app.signals import STOPPING, Stopped
-from faultbond.contract.json_records import Record
 from faultbond.errors import FaultbondError
 from faultbond.io.out import Out
 from faultbond.service.contract.source import Subscriber
+from faultbond.service.sinks.opening import open_sinks
+from faultbond.service.sinks.options import KINDS
 from faultbond.service.site import Site
 from faultbond.service.site_log import Done
 from faultbond.service.sources.opening import open_source
@@ -75,6 +76,9 @@ def _tell(site: Site, out: Out) -> None:
         open_source(item.source, [subscriber], site.options(item.source))
         rule = "" if item.accept is None else f"; accepts what is {item.accept:g} sure"
         out.say(f"{item.name}: {item.plant.graph.name} ({item.plant.document[0]}) from {item.source}{rule}")
+    for sink in open_sinks(site.tell, site.topics()):
+        kinds = ", ".join(kind for kind in KINDS if kind in sink.kinds)
+        out.say(f"{sink.name}: is told {kinds}{' and how assets stand' if sink.shows else ''} by {sink.address}")
     people = ", ".join(f"{user.name} ({user.role})" for user in site.users.values())
     out.say(f"Kept in {site.store}. Page: {site.host}:{site.port}. People: {people or 'whoever is at this machine'}.")
     out.record(
@@ -123,6 +127,7 @@ async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
             store,
             lambda address, fed: open_source(address, fed, site.options(address)),
             hear=lambda done: _record(out, done),
+            sinks=open_sinks(site.tell, site.topics()),
         )
         page = application(service, _guard(site), hosts={*LOOPBACK, site.host})
         server = uvicorn.Server(
@@ -204,6 +209,5 @@ def _no_signals() -> Iterator[None]:
 def _record(out: Out, done: Done) -> None:
     """Write the records of an asset, each with its asset and id."""
     for told in done.outcome.records:
-        record: Record = {"record": told.kind, "asset": told.asset, "id": told.id, **told.content}
-        out.record(record)
+        out.record(told.told())
         sys.stdout.flush()

@@ -8,7 +8,9 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Diagnosis, History
+from faultbond.contract.json_records import candidate_record
 from faultbond.contract.samples import Status
+from faultbond.io.out import finite
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.numbers import Notation, unit_text
 from faultbond.report.suspects import SuspectRow
@@ -50,8 +52,13 @@ def summary_of(asset: Asset, standing: AssetStatus, *, since: float, now: float)
         "samples": asset.counts.samples,
         "operation": _operation(asset.status),
         "alarm": shown,
-        "best": None if best is None else {"names": set_name(asset.plant.graph, best), "probability": best.probability},
+        "best": None if best is None else _best(asset.plant.graph, best),
     }
+
+
+def _best(graph: BondGraph, best: Candidate) -> Shown:
+    told = finite(candidate_record(best))
+    return {"names": set_name(graph, best), **{key: told[key] for key in ("probability", "components", "parameters")}}
 
 
 def _operation(status: Status | None) -> str:

@@ -12,9 +12,11 @@ from typing import Any
 from faultbond.errors import SourceError, StoreError
 from faultbond.service.contract.face import Request, Shown
 from faultbond.service.contract.messages import Action, Arrivals, Deed
+from faultbond.service.contract.sink import Sink
 from faultbond.service.contract.source import LiveSource, Subscriber
 from faultbond.service.contract.store import LogStore
 from faultbond.service.hub import Hub
+from faultbond.service.sinks.delivery import Deliveries
 from faultbond.service.site import Site
 from faultbond.service.site_log import AssetPlan, Done, SiteLog
 from faultbond.service.site_view import SiteView
@@ -68,6 +70,7 @@ class Service:
     store : that keeps it
     open_source : gives the source of an address, for who it feeds
     hear : is given what came of every item once it is in the store
+    sinks : tell others what is found
     clock : gives Unix s
     """
 
@@ -78,6 +81,7 @@ class Service:
         open_source: Open,
         *,
         hear: Callable[[Done], None] | None = None,
+        sinks: Sequence[Sink] = (),
         clock: Callable[[], float] = time.time,
     ) -> None:
         self._site, self._store, self._clock = site, store, clock
@@ -88,6 +92,7 @@ class Service:
         self._began = clock()
         self._lock = threading.Lock()  # of assets and store, between the worker and those who ask
         self._view = SiteView(site, self._log, store, self._lock, clock)
+        self._sinks = Deliveries(sinks, store, self._lock, clock)
         addresses = dict.fromkeys(item.source for item in site.assets)
         self._feeds = tuple(self._feed(address, open_source) for address in addresses)
         self._fed = {name: feed for feed in self._feeds for name in feed.assets}
@@ -105,6 +110,7 @@ class Service:
                         tasks.create_task(self._pump(feed))
                     tasks.create_task(self._work(worker))
                     tasks.create_task(self._tick())
+                    tasks.create_task(self._sinks.run())
             except ExceptionGroup as failed:
                 raise failed.exceptions[0] from failed
             finally:
@@ -148,6 +154,7 @@ class Service:
             for feed in self._feeds
         }
         parts["store"] = {"ok": not self._store_trouble, "trouble": self._store_trouble, "since": self._began}
+        parts |= self._sinks.health()
         return {"ok": all(part["ok"] for part in parts.values()) and not self._view.is_stopped, "parts": parts}
 
     def listen(self, most: int = 100) -> AsyncIterator[tuple[str, Shown]]:
@@ -272,6 +279,7 @@ class Service:
     def _answer(self, items: Sequence[Arrivals | _Wish], done: Sequence[Done]) -> None:
         for item, what in zip(items, done, strict=True):
             self._hear(what)
+            self._sinks.hear(what.outcome.records)
             if not isinstance(item, _Wish) or item.answer.done():
                 continue
             if what.error is not None:
@@ -288,7 +296,9 @@ class Service:
             if self._site.days is not None and self._clock() - forgotten >= FORGET_EVERY:
                 forgotten = self._clock()
                 await asyncio.to_thread(self._forget, forgotten - 86400.0 * self._site.days)
-            for summary in await asyncio.to_thread(self._view.summaries):
+            summaries = await asyncio.to_thread(self._view.summaries)
+            self._sinks.see(summaries)
+            for summary in summaries:
                 now = tuple(str(summary[key]) for key in ("status", "monitoring", "alarm"))
                 if known.get(summary["name"], now) != now:
                     self._hub.publish("summary", summary)

@@ -33,7 +33,7 @@ class Face(Protocol):
     `Monitoring`), `headline` (a sentence), `since` (of the status, Unix s), `time` (of the last sample), `samples`,
     `operation` (`alarms on`, `waiting`, `outside`), `alarm` (None or `state`, `since`, `acknowledged_by`,
     `shelved_until`, `signals`, and of samples `time`, at which it was raised, and `change_time`), `best` (None or
-    `names`, `probability`).
+    `names`, `probability`, `components`, and `parameters` as in a record, SI).
 
     An asset: `summary`, `drawing` (SVG whose groups carry `data-name`), `suspicion` (probability by component),
     `signals` (list of `name`, `role` sensor or input, `unit`, `in_use`), `cusum_limit`, `verdict` (sentences), `rows`

@@ -101,6 +101,10 @@ class NamedRecord:
     kind: str
     content: Record
 
+    def told(self) -> Record:
+        """Give it as others are told: with its asset and name."""
+        return {"record": self.kind, "asset": self.asset, "id": self.id, **self.content}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Curves:

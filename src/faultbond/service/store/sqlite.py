@@ -187,7 +187,7 @@ class SqliteStore:
         return (item for _, item in merged)
 
     def reader(self, name: str) -> tuple[int, int]:
-        """Make a reader of records known; give behind which it stands, and the newest; see `contract.store.LogStore`."""
+        """Make a reader of records known; give its place, and the newest; see `contract.store.LogStore`."""
         return self._writing(lambda: self._reader(name))
 
     def records_behind(self, number: int, most: int) -> list[tuple[int, NamedRecord]]:
