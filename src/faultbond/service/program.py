@@ -15,7 +15,7 @@ from faultbond.app.signals import STOPPING, Stopped
 from faultbond.errors import FaultbondError
 from faultbond.io.out import Out
 from faultbond.service.contract.source import Subscriber
-from faultbond.service.sinks.opening import open_sinks
+from faultbond.service.sinks.opening import metrics_token, open_sinks
 from faultbond.service.sinks.options import KINDS
 from faultbond.service.site import Site
 from faultbond.service.site_log import Done
@@ -76,6 +76,7 @@ def _tell(site: Site, out: Out) -> None:
         open_source(item.source, [subscriber], site.options(item.source))
         rule = "" if item.accept is None else f"; accepts what is {item.accept:g} sure"
         out.say(f"{item.name}: {item.plant.graph.name} ({item.plant.document[0]}) from {item.source}{rule}")
+    metrics_token(site.tell)
     for sink in open_sinks(site.tell, site.topics()):
         kinds = ", ".join(kind for kind in KINDS if kind in sink.kinds)
         out.say(f"{sink.name}: is told {kinds}{' and how assets stand' if sink.shows else ''} by {sink.address}")
@@ -129,7 +130,7 @@ async def _serve(site: Site, out: Out, uvicorn: ModuleType) -> int | None:
             hear=lambda done: _record(out, done),
             sinks=open_sinks(site.tell, site.topics()),
         )
-        page = application(service, _guard(site), hosts={*LOOPBACK, site.host})
+        page = application(service, _guard(site), hosts={*LOOPBACK, site.host}, metrics_token=metrics_token(site.tell))
         server = uvicorn.Server(
             uvicorn.Config(page, log_level="warning", access_log=False, timeout_graceful_shutdown=GRACE)
         )

@@ -8,7 +8,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Diagnosis, History
-from faultbond.contract.json_records import candidate_record
+from faultbond.contract.json_records import candidate_content
 from faultbond.contract.samples import Status
 from faultbond.io.out import finite
 from faultbond.model.graph import BondGraph, Unit
@@ -20,6 +20,7 @@ from faultbond.service.asset import Asset
 from faultbond.service.asset_status import BEGINNING, AssetStatus
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import Action, Curves, Deed
+from faultbond.service.sinks.measures import AssetMeasures
 
 RANKED = 6  # candidates whose probability is drawn over time
 _DECIDE = (Action.ACCEPT, Action.REJECT, Action.REPAIRED)
@@ -57,7 +58,7 @@ def summary_of(asset: Asset, standing: AssetStatus, *, since: float, now: float)
 
 
 def _best(graph: BondGraph, best: Candidate) -> Shown:
-    told = finite(candidate_record(best))
+    told = finite(candidate_content(best))
     return {"names": set_name(graph, best), **{key: told[key] for key in ("probability", "components", "parameters")}}
 
 
@@ -103,6 +104,25 @@ def asset_of(
         "journal": journal_of(deeds),
         "may": [action.value for action in (*asset.alarm.allows(now), *decide, *take_back)],
     }
+
+
+def measures_of(asset: Asset, summary: Shown, counts: Mapping[str, int], *, arrived: float | None) -> AssetMeasures:
+    """Give what is measured of an asset. counts: of its source; arrived: when rows came last, Unix s."""
+    last, diagnosis = asset.history(1), asset.diagnosis
+    shares = last.cusum[-1] / last.cusum_limit if len(last.cusum) else ()
+    return AssetMeasures(
+        summary=summary,
+        is_active=asset.alarm.active,
+        is_unseen=asset.alarm.unseen,
+        detector={
+            item.name: float(share)
+            for item, share in zip(asset.spec.outputs, shares, strict=False)
+            if np.isfinite(share)
+        },
+        suspicion=_blamed(diagnosis) if diagnosis is not None else {},
+        arrived=arrived,
+        counts={**asdict(asset.counts), **counts},
+    )
 
 
 def _blamed(diagnosis: Diagnosis) -> dict[str, float]:

@@ -13,7 +13,8 @@ from faultbond.service.asset_status import asset_status
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import Arrivals, Monitoring
 from faultbond.service.contract.store import LogStore
-from faultbond.service.shown import asset_of, curves_of, journal_of, summary_of
+from faultbond.service.shown import asset_of, curves_of, journal_of, measures_of, summary_of
+from faultbond.service.sinks.measures import AssetMeasures
 from faultbond.service.site import Site
 from faultbond.service.site_log import Done, SiteLog
 
@@ -60,6 +61,15 @@ class SiteView:
         """Give the summaries of all assets."""
         with self._lock:
             return [self._summary(asset) for asset in self._log.assets.values()]
+
+    def measures(self) -> list[AssetMeasures]:
+        """Give what is measured of all assets; who writes never waits for more than one of them."""
+        found = []
+        for asset in self._log.assets.values():
+            with self._lock:
+                seen = self._seen[asset.name]
+                found.append(measures_of(asset, self._summary(asset), seen.counts, arrived=seen.arrived))
+        return found
 
     def asset(self, name: str) -> Shown:
         """Give an asset."""

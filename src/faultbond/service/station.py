@@ -17,6 +17,8 @@ from faultbond.service.contract.source import LiveSource, Subscriber
 from faultbond.service.contract.store import LogStore
 from faultbond.service.hub import Hub
 from faultbond.service.sinks.delivery import Deliveries
+from faultbond.service.sinks.measures import ServiceMeasures, families
+from faultbond.service.sinks.openmetrics import exposition
 from faultbond.service.site import Site
 from faultbond.service.site_log import AssetPlan, Done, SiteLog
 from faultbond.service.site_view import SiteView
@@ -89,6 +91,7 @@ class Service:
         self._log = SiteLog(
             [AssetPlan(name=item.name, plant=item.plant, accept=item.accept) for item in site.assets], store
         )
+        self._version = next(iter(self._log.assets.values())).spec.version
         self._began = clock()
         self._lock = threading.Lock()  # of assets and store, between the worker and those who ask
         self._view = SiteView(site, self._log, store, self._lock, clock)
@@ -125,7 +128,7 @@ class Service:
         """Give the overview."""
         return {
             "name": self._site.name,
-            "version": next(iter(self._log.assets.values())).spec.version,
+            "version": self._version,
             "now": self._clock(),
             "source": ", ".join(feed.source.address for feed in self._feeds),
             "assets": self._view.summaries(),
@@ -156,6 +159,17 @@ class Service:
         parts["store"] = {"ok": not self._store_trouble, "trouble": self._store_trouble, "since": self._began}
         parts |= self._sinks.health()
         return {"ok": all(part["ok"] for part in parts.values()) and not self._view.is_stopped, "parts": parts}
+
+    def metrics(self, viewers: int) -> str:
+        """Give what is measured, as OpenMetrics has it."""
+        service = ServiceMeasures(
+            version=self._version,
+            sources={name: not feed.trouble and not feed.ended for name, feed in self._fed.items()},
+            store_works=not self._store_trouble,
+            sinks={item.sink.name: item.health() for item in self._sinks.all},
+            viewers=viewers,
+        )
+        return exposition(families(self._view.measures(), service))
 
     def listen(self, most: int = 100) -> AsyncIterator[tuple[str, Shown]]:
         """Give what happens from now on."""

@@ -60,6 +60,9 @@ class Face(Protocol):
     def health(self) -> Mapping[str, Any]:
         """Give `ok`, and by part of the service whether it runs, and since when it does not."""
 
+    def metrics(self, viewers: int) -> str:
+        """Give what is measured, as OpenMetrics has it, with how many pages are open; asked in a thread."""
+
     async def do(self, request: Request) -> Shown:
         """Do what a person wants; it is on the disk when this returns. Gives the entry of the journal.
 

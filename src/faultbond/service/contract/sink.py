@@ -8,7 +8,7 @@ from faultbond.service.contract.messages import NamedRecord
 
 
 class Link(Protocol):
-    """The open way to the other side of a sink. All but what is said here raises `SinkError` where that is lost."""
+    """The open way to the other side of a sink. Where that is lost all of it raises `SinkError`."""
 
     async def show(self, summary: Shown) -> None:
         """Tell how an asset stands now; see `face.Face` for the keys."""

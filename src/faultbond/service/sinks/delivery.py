@@ -54,10 +54,16 @@ class Delivery:
         self._woken = asyncio.Event()
         self._kept_at = time.monotonic()
 
-    @property
-    def behind(self) -> int:
-        """How many records wait, about."""
-        return self._outbox.behind
+    def health(self) -> Shown:
+        """Tell whether it works, since when it does or does not, and what it told."""
+        return {
+            "ok": not self.trouble,
+            "trouble": self.trouble,
+            "since": self.since,
+            "told": self.counts["told"],
+            "given_up": self.counts["given up"],
+            "behind": self._outbox.behind,
+        }
 
     def hear(self, records: int) -> None:
         """Note that there are more records."""
@@ -200,17 +206,7 @@ class Deliveries:
 
     def health(self) -> Mapping[str, Shown]:
         """Tell which sinks work, and what they told."""
-        return {
-            f"tell {item.sink.name}": {
-                "ok": not item.trouble,
-                "trouble": item.trouble,
-                "since": item.since,
-                "told": item.counts["told"],
-                "given_up": item.counts["given up"],
-                "behind": item.behind,
-            }
-            for item in self.all
-        }
+        return {f"tell {item.sink.name}": item.health() for item in self.all}
 
 
 async def _first_of(*doing: Coroutine[None, None, None]) -> None:

@@ -82,6 +82,8 @@ class WebhookLink:
         ------
         SinkError
             Where the other side cannot be reached, or does not say that it has it.
+        RefusedError
+            Where it refuses this record for what it is.
         """
         hook = self._hook
         try:
