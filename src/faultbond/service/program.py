@@ -78,8 +78,8 @@ def _tell(site: Site, out: Out) -> None:
         out.say(f"{item.name}: {item.plant.graph.name} ({item.plant.document[0]}) from {item.source}{rule}")
     metrics_token(site.tell)
     for sink in open_sinks(site.tell, site.topics()):
-        kinds = ", ".join(kind for kind in KINDS if kind in sink.kinds)
-        out.say(f"{sink.name}: is told {kinds}{' and how assets stand' if sink.shows else ''} by {sink.address}")
+        what = [kind for kind in KINDS if kind in sink.kinds] + ["how assets stand"] * sink.shows
+        out.say(f"{sink.name}: is told {', '.join(what)} by {sink.address}")
     people = ", ".join(f"{user.name} ({user.role})" for user in site.users.values())
     out.say(f"Kept in {site.store}. Page: {site.host}:{site.port}. People: {people or 'whoever is at this machine'}.")
     out.record(

@@ -15,7 +15,9 @@ from faultbond.service.sinks.webhook import Hook, Webhook
 from faultbond.service.sources.opening import client_context
 
 METRICS = "metrics"  # the address of what a program asks for that measures: it needs no sink, only a token
-FORMS = f"mqtt://HOST/PREFIX, mqtts://HOST/PREFIX, https://HOST/PATH, http://HOST/PATH or {METRICS}"
+FORMS = (
+    f"mqtt://HOST/PREFIX, mqtts://HOST/PREFIX, https://HOST/PATH, http://HOST/PATH, opc.tcp://HOST:PORT or {METRICS}"
+)
 LEAST_SECRET = 16  # bytes
 SIGNING = "whsec_"  # begins a secret in Base64, as Standard Webhooks has it
 
@@ -199,9 +201,37 @@ def _mqtt(asked: _Asked, filters: Mapping[str, str]) -> Sink:
     return MqttSink(options.name, broker, kinds=frozenset(options.kinds), give_up=options.give_up)
 
 
+def _opcua(asked: _Asked, filters: Mapping[str, str]) -> Sink:
+    try:
+        from faultbond.service.sinks.opcua import OpcUaSink, OwnServer  # noqa: PLC0415 - needs asyncua
+    except ImportError as error:
+        raise asked.mistake('OPC UA needs asyncua. Install it with: pip install "faultbond[opcua]"') from error
+    asked.refuse_all_but("user", "password_file", "certificate", "key")
+    parts, options = asked.address(), asked.options
+    password = asked.secret("password_file").decode()
+    if not (options.certificate and options.key and options.user and password):
+        raise asked.mistake("give a `certificate` and its `key`, and the `user` and `password_file` of who may read.")
+    for file in (options.certificate, options.key):
+        if not Path(file).is_file():
+            raise asked.mistake(f"there is no file {file}.")
+    if parts.port is None:
+        raise asked.mistake("name the port at which clients read, such as 4841.")
+    return OpcUaSink(
+        options.name,
+        OwnServer(
+            url=options.to,
+            certificate=options.certificate,
+            key=options.key,
+            user=options.user,
+            password=password,
+        ),
+    )
+
+
 OPENED: Mapping[str, Callable[[_Asked, Mapping[str, str]], Sink]] = {
     "http": _webhook,
     "https": _webhook,
     "mqtt": _mqtt,
     "mqtts": _mqtt,
+    "opc.tcp": _opcua,
 }

@@ -167,5 +167,5 @@ def test_any_number_comes_through_the_parser(value: float) -> None:
     """With fifteen digits; counters under their full name."""
     counter = Family("n", MetricKind.COUNTER, "N.", [({}, 2.0)])
     numbers = numbers_of(exposition([Family("x", MetricKind.GAUGE, "X.", [({}, value)]), counter]))
-    assert numbers["x"] == [({}, pytest.approx(value, rel=1e-14))]
+    assert of(numbers, "x") == pytest.approx(value, rel=1e-14)
     assert numbers["n_total"] == [({}, 2.0)]
