@@ -63,13 +63,10 @@ class SiteView:
             return [self._summary(asset) for asset in self._log.assets.values()]
 
     def measures(self) -> list[AssetMeasures]:
-        """Give what is measured of all assets; who writes never waits for more than one of them."""
-        found = []
-        for asset in self._log.assets.values():
-            with self._lock:
-                seen = self._seen[asset.name]
-                found.append(measures_of(asset, self._summary(asset), seen.counts, arrived=seen.arrived))
-        return found
+        """Give what is measured of all assets."""
+        with self._lock:  # once for all of them: who writes may hold it for long, and would for each
+            seen = ((asset, self._seen[asset.name]) for asset in self._log.assets.values())
+            return [measures_of(item, self._summary(item), of.counts, arrived=of.arrived) for item, of in seen]
 
     def asset(self, name: str) -> Shown:
         """Give an asset."""

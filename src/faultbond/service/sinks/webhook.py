@@ -15,7 +15,6 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
-from importlib.metadata import version
 
 from faultbond.errors import RefusedError, SinkError
 from faultbond.service.contract.face import Shown
@@ -113,7 +112,7 @@ def request(hook: Hook, record: NamedRecord, now: float) -> bytes:
     named = f"[{hook.host}]" if ":" in hook.host else hook.host
     headers = {
         "Host": f"{named}:{hook.port}",
-        "User-Agent": f"faultbond/{version('faultbond')}",
+        "User-Agent": "faultbond",
         "Content-Type": "application/json",
         "Content-Length": str(len(body)),
         "Idempotency-Key": record.id,

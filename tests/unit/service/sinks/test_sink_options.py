@@ -1,5 +1,6 @@
 """What a site file says of whom it tells, and how mistakes in that are told."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -126,3 +127,17 @@ def test_a_token_for_metrics_is_there_once(tmp_path: Path) -> None:
     with pytest.raises(FaultbondError, match=r"site\.yaml:6: tell b: to: there is a for metrics already"):
         metrics_token(found.tell)
     assert metrics_token(()) == ""
+
+
+def test_the_site_of_the_page_is_one(tmp_path: Path) -> None:
+    """Its file can be read as it stands there, and all of its sinks opened."""
+    page = Path("docs/service.md").read_text(encoding="utf-8")
+    (text,) = [block for block in re.findall(r"```text\n(.*?)```", page, flags=re.S) if "\ntell:" in block]
+    for name in ("pump.yaml", "tank.yaml"):
+        (tmp_path / name).write_text(MODEL.read_text())
+    for name in ("hook.txt", "token.txt"):
+        (tmp_path / name).write_text("0123456789abcdef\n")
+    (tmp_path / "site.yaml").write_text(text)
+    found = read_site(tmp_path / "site.yaml")
+    assert [sink.name for sink in open_sinks(found.tell, found.topics())] == ["scada", "tickets"]
+    assert metrics_token(found.tell) == "0123456789abcdef"
