@@ -1,7 +1,5 @@
-"""A broker of MQTT for tests: Mosquitto, on a free port, and who reads there."""
+"""A broker of MQTT for tests: Mosquitto, on a free port."""
 
-import asyncio
-import contextlib
 import shutil
 import socket
 import subprocess
@@ -55,27 +53,3 @@ class Mosquitto:
             self._process.kill()
             self._process.wait()
             self._process = None
-
-
-class Reader:
-    """Who reads what is told: topic, text, and whether the broker had kept it, of every message."""
-
-    def __init__(self, broker: Mosquitto) -> None:
-        self.port = broker.port
-        self.heard: list[tuple[str, str, bool]] = []
-
-    async def run(self) -> None:
-        """Read until cancelled, also after the broker was away."""
-        import aiomqtt  # noqa: PLC0415 - an extra
-
-        while True:
-            with contextlib.suppress(aiomqtt.MqttError):
-                async with aiomqtt.Client("127.0.0.1", self.port) as client:
-                    await client.subscribe("#", qos=1)
-                    async for message in client.messages:
-                        self.heard.append((str(message.topic), message.payload.decode(), message.retain))
-            await asyncio.sleep(0.02)
-
-    def of(self, topic: str) -> list[str]:
-        """Give the texts of a topic."""
-        return [text for name, text, _ in self.heard if name == topic]

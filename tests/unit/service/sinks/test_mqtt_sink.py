@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from benchmarks.shared.broker import MOSQUITTO, Mosquitto
 
-from broker import MOSQUITTO, Mosquitto, Reader
 from faultbond.errors import SinkError
 from faultbond.service.contract.sink import Sink
 from faultbond.service.sinks import delivery
@@ -17,7 +17,9 @@ from faultbond.service.sinks.options import SinkOptions
 from stored import told
 from telling import ToldSite, summary, until
 
-aiomqtt = pytest.importorskip("aiomqtt", reason="there is no aiomqtt")
+pytest.importorskip("aiomqtt", reason="there is no aiomqtt")
+from broker_reader import Reader  # needs it
+
 pytestmark = pytest.mark.skipif(MOSQUITTO is None, reason="there is no mosquitto")
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from benchmarks.shared.broker import free_port
 
-from broker import free_port
 from faultbond.errors import FaultbondError, SinkError
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.sink import Sink

@@ -11,8 +11,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
+from benchmarks.shared.broker import MOSQUITTO, Mosquitto
 
-from broker import MOSQUITTO, Mosquitto, Reader
 from faultbond.cli import main
 from faultbond.service.store.sqlite import SqliteStore
 from loop_asset import MODEL, RECORDING
@@ -20,6 +20,8 @@ from receiver import Receiver, listening
 
 pytest.importorskip("uvicorn", reason='there is no uvicorn: pip install "faultbond[serve]"')
 pytest.importorskip("aiomqtt", reason="there is no aiomqtt")
+from broker_reader import Reader  # needs it
+
 LONGEST = 90.0  # s that anything takes on a busy machine
 SITE = """\
 store: kept.sqlite
