@@ -1,6 +1,7 @@
 """`faultbond serve` with sinks, as a program: what is killed goes on telling, and --check says whom it would tell."""
 
 import asyncio
+import json
 import signal
 import socket
 import subprocess
@@ -25,7 +26,7 @@ from broker_reader import Reader  # needs it
 LONGEST = 90.0  # s that anything takes on a busy machine
 SITE = """\
 store: kept.sqlite
-source: "file:{recording}?speed=60"
+source: "file:{recording}?speed=12"
 listen: {{port: {port}}}
 assets: {{loop: {{model: {model}}}}}
 tell:
@@ -57,14 +58,23 @@ def ids(receiver: Receiver) -> list[str]:
     return [record["id"] for record in receiver.records()]
 
 
+@pytest.fixture
+def broker(tmp_path: Path) -> Iterator[Mosquitto]:
+    found = Mosquitto(tmp_path)
+    found.start()
+    try:
+        yield found
+    finally:
+        found.kill()
+
+
 @pytest.mark.skipif(MOSQUITTO is None, reason="there is no mosquitto")
-def test_killed_twice_it_tells_each_record_at_least_once_and_never_otherwise(tmp_path: Path) -> None:
+def test_killed_twice_it_tells_each_record_at_least_once_and_never_otherwise(tmp_path: Path, broker: Mosquitto) -> None:
     """To a receiver that fails now and then; and the broker says that it was gone."""
     with socket.create_server(("127.0.0.1", 0)) as door:
         port = door.getsockname()[1]
     (tmp_path / "secret").write_text("0123456789abcdef\n")
-    broker, receiver = Mosquitto(tmp_path), Receiver(answers=[503, 500, 503])
-    broker.start()
+    receiver = Receiver(answers=[503, 500, 503])
     with listening(receiver):
         text = SITE.format(recording=RECORDING, model=MODEL, port=port, hook=receiver.port, broker=broker.port)
         (tmp_path / "site.yaml").write_text(text)
@@ -76,10 +86,12 @@ def test_killed_twice_it_tells_each_record_at_least_once_and_never_otherwise(tmp
         with served(tmp_path) as process:
             until(lambda: told_all(tmp_path, receiver))
             assert kept(broker) == ["online"]
+            until(
+                lambda: [json.loads(text)["alarm"] is not None for text in kept(broker, "found/loop/status")] == [True]
+            )
             process.send_signal(signal.SIGTERM)
             assert process.wait(LONGEST) == 128 + signal.SIGTERM
         assert kept(broker) == ["offline"]
-    broker.kill()
     store = SqliteStore(tmp_path / "kept.sqlite", writes=False)
     told = {item.id: item.told() for item in store.records()}
     assert list(dict.fromkeys(ids(receiver))) == [*told]
@@ -88,14 +100,14 @@ def test_killed_twice_it_tells_each_record_at_least_once_and_never_otherwise(tmp
     store.close()
 
 
-def kept(broker: Mosquitto) -> list[str]:
-    """Give what the broker tells of the service to who comes now."""
+def kept(broker: Mosquitto, topic: str = "found/service") -> list[str]:
+    """Give what the broker has kept of a topic, which it tells who comes now."""
 
     async def heard() -> list[str]:
         reader = Reader(broker)
         with suppress(TimeoutError):
             await asyncio.wait_for(reader.run(), 0.3)
-        return reader.of("found/service")
+        return reader.of(topic)
 
     return asyncio.run(heard())
 
