@@ -141,14 +141,16 @@ class Delivery:
             if not (self._refused >= TRIES or self._is_hopeless()):
                 raise
             self.counts["given up"] += 1
+            self._refused = 0
             _LOG.error("%s: record %s is given up: %s", self.sink.address, record.id, error)
             if not is_refused:
                 self._outbox.pass_by(number)
                 raise
+            self._note_success()  # it is there, and takes others
         else:
             self.counts["told"] += 1
+            self._refused = 0
             self._note_success()
-        self._refused = 0
 
     def _is_hopeless(self) -> bool:
         limit = self.sink.give_up

@@ -148,7 +148,8 @@ def _webhook(asked: _Asked, filters: Mapping[str, str]) -> Sink:
             host=parts.hostname or "",
             port=parts.port or (443 if is_secret else 80),
             path=f"{parts.path or '/'}{f'?{parts.query}' if parts.query else ''}",
-            shown=f"{parts.scheme}://{parts.netloc}{parts.path}",  # a query may hold a secret
+            named=parts.netloc,
+            shown=f"{parts.scheme}://{parts.netloc}",
             tls=asked.tls() if is_secret else None,
             token=asked.secret("token_file").decode(),
             secret=_signing_secret(asked),

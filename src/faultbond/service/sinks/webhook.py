@@ -27,10 +27,15 @@ LARGEST_HEAD = 2**16  # bytes of an answer before its body, which nobody reads
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hook:
-    """Where records go. path: with its query. token: of the Authorization header. secret: of signatures."""
+    """Where records go.
+
+    named: the host as the address has it. path: with its query; like that it may be a secret, and is not in `shown`.
+    token: of the Authorization header. secret: of signatures.
+    """
 
     host: str
     port: int
+    named: str
     path: str
     shown: str
     tls: ssl.SSLContext | None = None
@@ -109,9 +114,8 @@ def request(hook: Hook, record: NamedRecord, now: float) -> bytes:
     """
     body = json.dumps(record.told(), ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
     stamp = f"{now:.0f}"
-    named = f"[{hook.host}]" if ":" in hook.host else hook.host
     headers = {
-        "Host": f"{named}:{hook.port}",
+        "Host": hook.named,
         "User-Agent": "faultbond",
         "Content-Type": "application/json",
         "Content-Length": str(len(body)),

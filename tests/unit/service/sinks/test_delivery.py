@@ -120,6 +120,10 @@ def test_a_record_that_is_refused_for_what_it_is_holds_the_others_up_for_a_few_t
         more = site.find("detection")
         await until(lambda: sink.records[-1:] == more)
         assert site.health()["given_up"] == 1
+        sink.fails = [RefusedError("told: does not like it") for _ in range(delivery.TRIES)]
+        site.find("detection")
+        await until(lambda: site.health()["given_up"] == 2)
+        assert site.health()["ok"]
 
     play(ToldSite(sink), course)
 

@@ -57,6 +57,7 @@ def test_a_post_has_the_record_and_its_name(receiver: Receiver) -> None:
     assert json.loads(body) == {"record": "detection", "asset": "pump", "id": RECORD.id, **RECORD.content}
     assert headers["idempotency-key"] == headers["webhook-id"] == again["webhook-id"] == RECORD.id
     assert headers["content-type"] == "application/json"
+    assert headers["host"] == f"127.0.0.1:{receiver.port}"
     assert body == same
     assert "webhook-signature" not in headers
 
@@ -79,7 +80,7 @@ def test_a_post_is_signed_as_standard_webhooks_has_it(receiver: Receiver, tmp_pa
 def test_what_is_no_success_is_to_be_tried_again(receiver: Receiver, status: int) -> None:
     """Also where somebody has to mend something first; the receiver says when."""
     receiver.answers, receiver.after = [status], "30"
-    with pytest.raises(SinkError, match=rf"^http://127.0.0.1:{receiver.port}/hook: it answered {status} ") as caught:
+    with pytest.raises(SinkError, match=rf"^http://127.0.0.1:{receiver.port}: it answered {status} ") as caught:
         passed_on(hook(receiver.port), RECORD)
     assert not isinstance(caught.value, RefusedError)
     assert caught.value.after == 30.0
@@ -142,8 +143,8 @@ def test_who_does_not_answer_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_nobody_there_is_told_in_a_line(receiver: Receiver) -> None:
-    """With the address, without its query, in which secrets may be."""
-    with pytest.raises(SinkError, match=r"^http://127.0.0.1:1/hook: .*Connect call failed"):
+    """With the address, without its path, in which secrets may be."""
+    with pytest.raises(SinkError, match=r"^http://127.0.0.1:1: .*Connect call failed"):
         passed_on(hook(1), RECORD)
 
 
