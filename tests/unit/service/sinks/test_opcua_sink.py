@@ -153,9 +153,13 @@ def test_who_does_not_log_in_reads_nothing(tmp_path: Path) -> None:
                 async with plant.client(user, word):
                     pass
         plain = asyncua.Client(f"opc.tcp://127.0.0.1:{plant.port}/faultbond", timeout=5.0)
-        with pytest.raises((ua.UaError, ConnectionError, TimeoutError, OSError)):
-            async with plain:
-                pass
+        for is_named in (False, True):
+            if is_named:
+                plain.set_user("reader")
+                plain.set_password("open sesame")
+            with pytest.raises((ua.UaError, ConnectionError, TimeoutError, OSError)):
+                async with plain:
+                    pass
 
     play(tmp_path, course)
 
