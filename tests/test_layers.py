@@ -42,6 +42,8 @@ LATE_IMPORTS = (
     ("app", "rich"),
     ("app", "threadpoolctl"),
     ("service", "faultbond.app.self_test"),  # loads casadi and scipy
+    ("service", "faultbond.service.sinks.mqtt"),  # needs aiomqtt
+    ("service", "faultbond.service.sinks.opcua"),  # needs asyncua
     ("service", "faultbond.service.sources.mqtt"),  # needs aiomqtt
     ("service", "faultbond.service.sources.opcua"),  # needs asyncua
     ("service", "faultbond.service.store.postgresql"),  # needs psycopg

@@ -41,6 +41,18 @@ class SourceError(FaultbondError):
     """A source of live values cannot be reached, or has been lost."""
 
 
+class SinkError(FaultbondError):
+    """Who is to be told cannot be reached. after: s for which it wants to be left alone."""
+
+    def __init__(self, message: str, *, after: float = 0.0) -> None:
+        super().__init__(message)
+        self.after = after
+
+
+class RefusedError(SinkError):
+    """Who is told does not take what it is told."""
+
+
 class StoreError(FaultbondError):
     """What the service has to keep cannot be written or read."""
 

@@ -218,6 +218,10 @@ class FakeFace:
         """Give that it is well, unless its store is full."""
         return {"ok": not self.is_full, "store": {"ok": not self.is_full, "since": START if self.is_full else None}}
 
+    def metrics(self, viewers: int) -> str:
+        """Give the one number that there is."""
+        return f"# TYPE viewers gauge\nviewers {viewers}\n# EOF\n"
+
     def report(self, name: str) -> str:
         """Give a report."""
         if name not in STATUS:

@@ -40,6 +40,7 @@ class MemoryStore:
         self.order: list[tuple[str, str]] = []
         self.came: list[tuple[NamedRecord | Deed, float]] = []
         self.contested: list[tuple[str, object]] = []
+        self.places: dict[str, int] = {}
 
     def enrol(self, enrolment: Enrolment) -> LogPlace:
         key = (enrolment.asset, enrolment.model_sha256)
@@ -144,6 +145,16 @@ class MemoryStore:
         found = [item for item in self.journal(asset, begin=begin, end=end) if isinstance(item, NamedRecord)]
         found = [item for item in found if not kinds or item.kind in kinds]
         return iter(found if newest is None else found[len(found) - min(newest, len(found)) :])
+
+    def reader(self, name: str) -> tuple[int, int]:
+        newest = len(list(self.records()))
+        return self.places.setdefault(name, newest), newest
+
+    def records_behind(self, number: int, most: int) -> list[tuple[int, NamedRecord]]:
+        return list(enumerate(self.records(), 1))[number : number + most]
+
+    def advance(self, name: str, number: int) -> None:
+        self.places[name] = number
 
     def deeds(self, asset: str | None = None, *, newest: int | None = None) -> Iterator[Deed]:
         found = [item for item in self.journal(asset) if isinstance(item, Deed)]

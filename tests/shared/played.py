@@ -97,7 +97,8 @@ class Played:
         opened: Callable[[str, Sequence[Subscriber]], LiveSource] | None = None,
         **source: Any,
     ) -> None:
-        self.clock, self.steady, self.store = Clock(TODAY), Clock(), store or MemoryStore()
+        self.clock, self.steady = Clock(TODAY), Clock()
+        self.store: Any = store or MemoryStore()
         self._said, self.source = source, PlayedSource(self.clock, ())
         opened = self._opened if opened is None else opened
         listed = tuple(SiteAsset(name=name, plant=plant(), source="played:") for name in assets)

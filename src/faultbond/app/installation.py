@@ -29,8 +29,8 @@ GIVES = {  # what each extra is for
     "parquet": "recordings as Parquet",
     "plot": "figures of results, `result.plot()`",
     "serve": "the page of `faultbond serve`",
-    "mqtt": "its sources `mqtt://` and `mqtts://`",
-    "opcua": "its source `opc.tcp://`",
+    "mqtt": "its sources and sinks `mqtt://` and `mqtts://`",
+    "opcua": "its source and sink `opc.tcp://`",
 }
 PROBE, ANSWER = "int answer(void) { return 42; }\n", 42
 READING, WATCHING, KEEPING = "reading models", "watching plants", "starting at once"

@@ -67,7 +67,7 @@ def diagnosis_record(diagnosis: Diagnosis, *, outside: bool = False) -> Record:
     return {
         "record": "diagnosis",
         "time": diagnosis.time,
-        "candidates": [_candidate(candidate) for candidate in diagnosis.candidates],
+        "candidates": [candidate_content(candidate) for candidate in diagnosis.candidates],
         "unexplained": None if diagnosis.unexplained is None else _unexplained(diagnosis.unexplained),
         "advice": [_advice(item) for item in diagnosis.advice],
         "untested": None if diagnosis.untested is None else _untested(diagnosis.untested),
@@ -95,7 +95,7 @@ def _advice(advice: Advice) -> Record:
 
 def decision_record(accepted: Decision, *, rejected: bool = False) -> Record:
     """Give the record of a candidate that was accepted, or rejected, and by whom."""
-    told = _candidate(accepted.candidate)
+    told = candidate_content(accepted.candidate)
     return {
         "record": "rejected" if rejected else "accepted",
         "time": accepted.time,
@@ -169,7 +169,8 @@ def end_record(
     }
 
 
-def _candidate(candidate: Candidate) -> Record:
+def candidate_content(candidate: Candidate) -> Record:
+    """Give what a diagnosis tells of a candidate."""
     return {
         "components": list(candidate.components),
         "parameters": {suspect.parameter: _suspect(suspect) for suspect in candidate.suspects},

@@ -8,9 +8,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from faultbond.errors import FaultbondError
-from faultbond.service.contract.messages import Action, Deed
-
-LONGEST_SHELF = 24 * 3600.0  # s; who wants more takes it out of service
+from faultbond.service.contract.messages import LONGEST_SHELF, Action, Deed
 
 
 class AlarmState(Enum):

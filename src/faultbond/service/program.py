@@ -10,13 +10,14 @@ from getpass import getpass
 from types import ModuleType
 
 from faultbond.app.signals import STOPPING, Stopped
-from faultbond.contract.json_records import Record
 from faultbond.errors import FaultbondError
 from faultbond.io.out import Out
 from faultbond.report.numbers import clock_text
 from faultbond.service.contract.source import Subscriber
 from faultbond.service.door import Certificate, bound, read_certificate, refuse_open_door
 from faultbond.service.log_lines import LogForm, logged
+from faultbond.service.sinks.opening import metrics_token, open_sinks
+from faultbond.service.sinks.options import KINDS
 from faultbond.service.site import Site
 from faultbond.service.site_log import Done
 from faultbond.service.sources.opening import open_source
@@ -89,6 +90,10 @@ def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
         open_source(item.source, [subscriber], site.options(item.source))
         rule = "" if item.accept is None else f"; accepts what is {item.accept:g} sure"
         out.say(f"{item.name}: {item.plant.graph.name} ({item.plant.document[0]}) from {item.source}{rule}")
+    metrics_token(site.tell)
+    for sink in open_sinks(site.tell, site.topics()):
+        what = [kind for kind in KINDS if kind in sink.kinds] + ["how assets stand"] * sink.shows
+        out.say(f"{sink.name}: is told {', '.join(what)} by {sink.address}")
     people = ", ".join(f"{user.name} ({user.role})" for user in site.users.values())
     store = shown_store(site.store)
     out.say(f"Kept in {store}. Page: {site.host}:{site.port}. People: {people or 'whoever is at this machine'}.")
@@ -136,9 +141,10 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
             store,
             lambda address, fed: open_source(address, fed, site.options(address)),
             hear=lambda done: _record(out, done),
+            sinks=open_sinks(site.tell, site.topics()),
         )
         names = {*LOOPBACK, site.host, *site.names, *(certificate.names if certificate else ())}
-        page = application(service, _guard(site), hosts=names)
+        page = application(service, _guard(site), hosts=names, metrics_token=metrics_token(site.tell))
         server = uvicorn.Server(
             uvicorn.Config(
                 page,
@@ -221,6 +227,5 @@ def _no_signals() -> Iterator[None]:
 def _record(out: Out, done: Done) -> None:
     """Write the records of an asset, each with its asset and id."""
     for told in done.outcome.records:
-        record: Record = {"record": told.kind, "asset": told.asset, "id": told.id, **told.content}
-        out.record(record)
+        out.record(told.told())
         sys.stdout.flush()

@@ -8,7 +8,9 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Candidate, Diagnosis, History
+from faultbond.contract.json_records import candidate_content
 from faultbond.contract.samples import Status
+from faultbond.io.out import finite
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.numbers import Notation, unit_text
 from faultbond.report.suspects import SuspectRow
@@ -18,6 +20,7 @@ from faultbond.service.asset import Asset
 from faultbond.service.asset_status import BEGINNING, AssetStatus
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import Action, Curves, Deed
+from faultbond.service.sinks.measures import AssetMeasures
 
 RANKED = 6  # candidates whose probability is drawn over time
 _DECIDE = (Action.ACCEPT, Action.REJECT, Action.REPAIRED)
@@ -50,8 +53,13 @@ def summary_of(asset: Asset, standing: AssetStatus, *, since: float, now: float)
         "samples": asset.counts.samples,
         "operation": _operation(asset.status),
         "alarm": shown,
-        "best": None if best is None else {"names": set_name(asset.plant.graph, best), "probability": best.probability},
+        "best": None if best is None else _best(asset.plant.graph, best),
     }
+
+
+def _best(graph: BondGraph, best: Candidate) -> Shown:
+    told = finite(candidate_content(best))
+    return {"names": set_name(graph, best), **{key: told[key] for key in ("probability", "components", "parameters")}}
 
 
 def _operation(status: Status | None) -> str:
@@ -96,6 +104,25 @@ def asset_of(
         "journal": journal_of(deeds),
         "may": [action.value for action in (*asset.alarm.allows(now), *decide, *take_back)],
     }
+
+
+def measures_of(asset: Asset, summary: Shown, counts: Mapping[str, int], *, arrived: float | None) -> AssetMeasures:
+    """Give what is measured of an asset. counts: of its source; arrived: when rows came last, Unix s."""
+    last, diagnosis = asset.history(1), asset.diagnosis
+    shares = last.cusum[-1] / last.cusum_limit if len(last.cusum) else ()
+    return AssetMeasures(
+        summary=summary,
+        is_active=asset.alarm.active,
+        is_unseen=asset.alarm.unseen,
+        detector={
+            item.name: float(share)
+            for item, share in zip(asset.spec.outputs, shares, strict=False)
+            if np.isfinite(share)
+        },
+        suspicion=_blamed(diagnosis) if diagnosis is not None else {},
+        arrived=arrived,
+        counts={**asdict(asset.counts), **counts},
+    )
 
 
 def _blamed(diagnosis: Diagnosis) -> dict[str, float]:

@@ -15,6 +15,8 @@ from faultbond.model.keys import TEXT, Key, Keys
 from faultbond.model.source import Entry, Source, choice, shown
 from faultbond.model.spot import Spot
 from faultbond.model.yaml_nodes import read_yaml
+from faultbond.service.sinks.options import KINDS, SinkOptions
+from faultbond.service.sources.opening import topic_filters
 from faultbond.service.sources.options import SourceOptions
 from faultbond.types import TimeGrid
 
@@ -36,6 +38,7 @@ SITE_KEYS = Keys(
         "accept": Key({}, "probability from which a rule accepts a diagnosis"),
         "assets": Key({}, missing=ASSETS),
         "users": Key({}, "who may log in"),
+        "tell": Key({}, "whom the service tells what it finds"),
         "keep": Key({}, "for how many `days` rows and curves are kept"),
     }
 )
@@ -69,6 +72,17 @@ USER_KEYS = Keys(
         "role": Key({}, missing=f"write one of {', '.join(ROLES)}"),
         "password": Key(TEXT, missing="write the hash that `faultbond serve --hash` gives"),
     }
+)
+SINK_FILES = ("password_file", "authority", "certificate", "key", "token_file", "secret_file")
+SINK_KEYS = Keys(
+    {
+        "to": Key(TEXT, "its address", missing="write `to: ADDRESS`"),
+        "kinds": Key({}, "of records; default: all"),
+        "user": Key(TEXT),
+        "give_up": Key(TEXT, "time without success after which a record is passed over; default: never"),
+    }
+    | dict.fromkeys(SINK_FILES, _FILE),
+    short="to",
 )
 
 
@@ -105,7 +119,7 @@ class Site:
     store: file, or address of a database. certificate, key: files for TLS of the page; empty: there is none. names:
     under which it is asked beside its address. unencrypted: whether others may come without TLS. days: for how long
     rows and curves are kept; None: for ever. users: none: whoever sits at this machine is an engineer. connection:
-    names and files of the log-in at sources, as the fields of `SourceOptions`.
+    names and files of the log-in at sources, as the fields of `SourceOptions`. tell: whom it tells.
     """
 
     name: str
@@ -121,6 +135,8 @@ class Site:
     users: Mapping[str, User] = field(default_factory=lambda: MappingProxyType({}))
     connection: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
+    tell: tuple[SinkOptions, ...] = ()
+
     def options(self, address: str) -> SourceOptions:
         """Give what is said of a source beside its address."""
         fed = [item for item in self.assets if item.source == address]
@@ -132,6 +148,15 @@ class Site:
             hold=hold or None,
             **more,
         )
+
+    def topics(self) -> dict[str, str]:
+        """Give the filters of MQTT topics that are read, by asset."""
+        found: dict[str, str] = {}
+        for address in dict.fromkeys(item.source for item in self.assets):
+            if address.lower().startswith(("mqtt:", "mqtts:")):
+                fed = [item.name for item in self.assets if item.source == address]
+                found |= topic_filters(address, fed, self.options(address))
+        return found
 
 
 def site_of(
@@ -180,6 +205,7 @@ def read_site(path: Path, *, port: int | None = None) -> Site:
         days=_number(keep, "days", 1e-3, 1e6),
         users=MappingProxyType(dict(_users(told["users"])) if "users" in told else {}),
         connection=MappingProxyType(dict(_connection(told["connection"], folder)) if "connection" in told else {}),
+        tell=tuple(_sinks(told["tell"], folder)) if "tell" in told else (),
     )
 
 
@@ -235,6 +261,30 @@ def _connection(told: Spot, folder: Path) -> Iterator[tuple[str, str]]:
     """Give what logs in at sources; all but the name are files."""
     for key, place in told.fields(CONNECTION_KEYS).items():
         yield key, place.text() if key == "user" else str(folder / place.text())
+
+
+def _sinks(told: Spot, folder: Path) -> Iterator[SinkOptions]:
+    """Read whom the service tells."""
+    for place in told.things("tell"):
+        fields = place.fields(SINK_KEYS)
+        files = {key: str(folder / fields[key].text()) for key in SINK_FILES if key in fields}
+        yield SinkOptions(
+            name=place.name,
+            to=fields["to"].text(),
+            where=fields["to"].where(""),
+            kinds=tuple(_kind(item) for item in fields["kinds"].one_or_more()) if "kinds" in fields else KINDS,
+            user=_text(fields, "user"),
+            give_up=fields["give_up"].seconds() if "give_up" in fields else None,
+            **files,
+        )
+
+
+def _kind(place: Spot) -> str:
+    """Give a kind of records."""
+    found = place.text()
+    if found not in KINDS:
+        raise place.error(f" `{shown(found)}` is no kind of records; {choice(found, KINDS)}")
+    return found
 
 
 def _plant(path: Path) -> WatchedPlant:

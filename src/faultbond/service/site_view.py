@@ -13,7 +13,8 @@ from faultbond.service.asset_status import asset_status
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import Arrivals, Monitoring
 from faultbond.service.contract.store import LogStore
-from faultbond.service.shown import asset_of, curves_of, journal_of, summary_of
+from faultbond.service.shown import asset_of, curves_of, journal_of, measures_of, summary_of
+from faultbond.service.sinks.measures import AssetMeasures
 from faultbond.service.site import Site
 from faultbond.service.site_log import Done, SiteLog
 from faultbond.service.sources.queue import DROPPED
@@ -93,6 +94,12 @@ class SiteView:
         """Give the summaries of all assets."""
         with self._lock:
             return [self._summary(asset) for asset in self._log.assets.values()]
+
+    def measures(self) -> list[AssetMeasures]:
+        """Give what is measured of all assets."""
+        with self._lock:  # once for all of them: who writes may hold it for long, and would for each
+            seen = ((asset, self._seen[asset.name]) for asset in self._log.assets.values())
+            return [measures_of(item, self._summary(item), of.counts, arrived=of.arrived) for item, of in seen]
 
     def asset(self, name: str) -> Shown:
         """Give an asset."""

@@ -15,9 +15,13 @@ from faultbond.errors import SourceError, StoreError
 from faultbond.report.numbers import clock_text, duration_text
 from faultbond.service.contract.face import Request, Shown
 from faultbond.service.contract.messages import Action, Arrivals, Deed
+from faultbond.service.contract.sink import Sink
 from faultbond.service.contract.source import LiveSource, Subscriber
 from faultbond.service.contract.store import LogStore
 from faultbond.service.hub import Hub
+from faultbond.service.sinks.delivery import Deliveries
+from faultbond.service.sinks.measures import ServiceMeasures, families
+from faultbond.service.sinks.openmetrics import exposition
 from faultbond.service.site import Site
 from faultbond.service.site_log import AssetPlan, Done, SiteLog
 from faultbond.service.site_view import SiteView
@@ -76,6 +80,7 @@ class Service:
     store : that keeps it
     open_source : gives the source of an address, for who it feeds
     hear : is given what came of every item once it is in the store
+    sinks : tell others what is found
     clock : gives Unix s, of the system's clock, which may be set
     steady : gives s that only grow, by which it is known who is silent
     policy : how often a source may fail unforeseen
@@ -88,6 +93,7 @@ class Service:
         open_source: Open,
         *,
         hear: Callable[[Done], None] | None = None,
+        sinks: Sequence[Sink] = (),
         clock: Callable[[], float] = time.time,
         steady: Callable[[], float] = time.monotonic,
         policy: RestartPolicy | None = None,
@@ -97,7 +103,9 @@ class Service:
         self._assets = {item.name: ServicePart(name=f"asset {item.name}", since=clock()) for item in site.assets}
         plans = [AssetPlan(name=item.name, plant=item.plant, accept=item.accept) for item in site.assets]
         self._log = SiteLog(plans, store, give_up=self._give_up)
+        self._version = next(iter(self._log.assets.values())).spec.version
         self._lock = threading.Lock()  # of assets and store, between the worker and those who ask
+        self._sinks = Deliveries(sinks, store, self._lock, clock)
         addresses = dict.fromkeys(item.source for item in site.assets)
         self._feeds = tuple(self._feed(address, open_source) for address in addresses)
         self._fed = {name: feed for feed in self._feeds for name in feed.assets}
@@ -126,6 +134,7 @@ class Service:
                     tasks.create_task(self._work(worker))
                     tasks.create_task(self._look(worker))
                     tasks.create_task(self._supervised(self._tick, self._telling))
+                    tasks.create_task(self._sinks.run())
             except ExceptionGroup as failed:
                 raise failed.exceptions[0] from failed
             finally:
@@ -145,7 +154,7 @@ class Service:
         """Give the overview."""
         return {
             "name": self._site.name,
-            "version": next(iter(self._log.assets.values())).spec.version,
+            "version": self._version,
             "now": self._clock(),
             "source": ", ".join(feed.source.address for feed in self._feeds),
             "assets": self._view.summaries(),
@@ -167,12 +176,23 @@ class Service:
         """Tell which parts work."""
         failed = [part for part in self._assets.values() if part.is_given_up]
         parts = (*(feed.part for feed in self._feeds), self._working(), self._kept, self._telling, *failed)
-        shown = {part.name: part.shown() for part in parts}
+        shown = {part.name: part.shown() for part in parts} | {**self._sinks.health()}
         return {
             "ok": all(part["ok"] for part in shown.values()) and not self._view.is_stopped,
             "clock_jumps": self._wall.n_jumps,
             "parts": shown,
         }
+
+    def metrics(self, viewers: int) -> str:
+        """Give what is measured, as OpenMetrics has it."""
+        service = ServiceMeasures(
+            version=self._version,
+            sources={name: not feed.part.trouble for name, feed in self._fed.items()},
+            store_works=not self._kept.trouble,
+            sinks={item.sink.name: item.health() for item in self._sinks.all},
+            viewers=viewers,
+        )
+        return exposition(families(self._view.measures(), service))
 
     def listen(self, most: int = 100) -> AsyncIterator[tuple[str, Shown]]:
         """Give what happens from now on."""
@@ -341,6 +361,7 @@ class Service:
     def _answer(self, items: Sequence[Arrivals | _Wish], done: Sequence[Done]) -> None:
         for item, what in zip(items, done, strict=True):
             self._hear(what)
+            self._sinks.hear(what.outcome.records)
             if not isinstance(item, _Wish) or item.answer.done():
                 continue
             if what.error is not None:
@@ -364,7 +385,9 @@ class Service:
             if self._site.days is not None and self._steady() - forgotten >= FORGET_EVERY:
                 forgotten = self._steady()
                 await asyncio.to_thread(self._forget, self._wall.believed() - 86400.0 * self._site.days)
-            for summary in await asyncio.to_thread(self._view.summaries):
+            summaries = await asyncio.to_thread(self._view.summaries)
+            self._sinks.see(summaries)
+            for summary in summaries:
                 now = tuple(str(summary[key]) for key in ("status", "monitoring", "alarm"))
                 if known.get(summary["name"], now) != now:
                     self._hub.publish("summary", summary)

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from faultbond.errors import FaultbondError
-from faultbond.service.alarm import LONGEST_SHELF, Alarm, AlarmState
-from faultbond.service.contract.messages import Action, Deed
+from faultbond.service.alarm import Alarm, AlarmState
+from faultbond.service.contract.messages import LONGEST_SHELF, Action, Deed
 
 ALARM_ACTIONS = (*Alarm(unseen=True).allows(0.0), Action.UNSHELVE, Action.UNSUPPRESS, Action.IN_SERVICE)
 

@@ -1,4 +1,4 @@
-"""What the parts of the service agree with: messages, and the faces of a source, of a store, and of all to the page.
+"""What the parts of the service agree with: messages, and the faces of source, store, sink, and of all to the page.
 
-In: nothing but types from below. Out: frozen data and protocols. Read `messages`, `source`, `store`, `face`.
+In: nothing but types from below. Out: frozen data and protocols. Read `messages`, `source`, `store`, `face`, `sink`.
 """

@@ -33,7 +33,7 @@ class Face(Protocol):
     `Monitoring`), `headline` (a sentence), `since` (of the status, Unix s), `time` (of the last sample), `samples`,
     `operation` (`alarms on`, `waiting`, `outside`), `alarm` (None or `state`, `since`, `acknowledged_by`,
     `shelved_until`, `signals`, and of samples `time`, at which it was raised, and `change_time`), `best` (None or
-    `names`, `probability`).
+    `names`, `probability`, `components`, and `parameters` as in a record, SI).
 
     An asset: `summary`, `drawing` (SVG whose groups carry `data-name`), `suspicion` (probability by component),
     `signals` (list of `name`, `role` sensor or input, `unit`, `in_use`), `cusum_limit`, `verdict` (sentences), `rows`
@@ -59,6 +59,9 @@ class Face(Protocol):
 
     def health(self) -> Mapping[str, Any]:
         """Give `ok`, and by part of the service whether it runs, and since when it does not."""
+
+    def metrics(self, viewers: int) -> str:
+        """Give what is measured, as OpenMetrics has it, with how many pages are open; asked in a thread."""
 
     async def do(self, request: Request) -> Shown:
         """Do what a person wants; it is on the disk when this returns. Gives the entry of the journal.

@@ -9,6 +9,7 @@ from faultbond.arrays import FloatArray
 from faultbond.contract.json_records import Record
 from faultbond.io.row_block import RowBlock
 
+LONGEST_SHELF = 24 * 3600.0  # s that an alarm is shelved; who wants more takes it out of service
 NOTHING: Mapping[str, int] = MappingProxyType({})
 
 
@@ -104,6 +105,10 @@ class NamedRecord:
     time: float
     kind: str
     content: Record
+
+    def told(self) -> Record:
+        """Give it as others are told: with its asset and name."""
+        return {"record": self.kind, "asset": self.asset, "id": self.id, **self.content}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -116,6 +116,18 @@ class LogStore(Protocol):
     def deeds(self, asset: str | None = None, *, newest: int | None = None) -> Iterator[Deed]:
         """Give what people did, in order; `newest`: only so many."""
 
+    def reader(self, name: str) -> tuple[int, int]:
+        """Make a reader of records known; give behind which of them it stands, and which is the newest.
+
+        Records are numbered in the order in which they came. A reader that was not known stands behind the newest.
+        """
+
+    def records_behind(self, number: int, most: int) -> list[tuple[int, NamedRecord]]:
+        """Give the first so many records behind that of a number, each with its own."""
+
+    def advance(self, name: str, number: int) -> None:
+        """Let a reader stand behind the record of a number; on the disk when this returns."""
+
     def curves(
         self, asset: str, begin: float | None = None, end: float | None = None, most: int | None = None
     ) -> Curves | None:

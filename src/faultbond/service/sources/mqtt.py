@@ -110,7 +110,7 @@ class MqttSource:
                 reader.intake.close()
             for found in self._queue.drain():
                 yield found
-            raise SourceError(f"{broker.shown}: {_words(error)}.") from error
+            raise SourceError(f"{broker.shown}: {mqtt_words(error)}.") from error
         finally:
             for reader in readers:
                 reader.intake.close()
@@ -182,7 +182,7 @@ async def _given_up(task: "asyncio.Future[aiomqtt.Message]") -> None:
         await task
 
 
-def _words(error: Exception) -> str:
+def mqtt_words(error: Exception) -> str:
     """Give what went wrong, on one line and without a full stop."""
     cause = error.__cause__ if error.__cause__ is not None and not str(error).strip() else error
     return " ".join(str(cause).split()).rstrip(".") or type(error).__name__

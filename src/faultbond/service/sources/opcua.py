@@ -123,7 +123,7 @@ class OpcUaSource:
             client.set_user(server.user)
             client.set_password(server.password or "")
         if server.policy:
-            client.application_uri = await asyncio.to_thread(_own_name, server.certificate) or client.application_uri
+            client.application_uri = await asyncio.to_thread(own_name, server.certificate) or client.application_uri
             await client.set_security(
                 POLICIES[server.policy],
                 certificate=server.certificate,
@@ -260,7 +260,7 @@ def _reading(column: str, value: object, data: ua.DataValue, status: int) -> Rea
     )
 
 
-def _own_name(certificate: str) -> str:
+def own_name(certificate: str) -> str:
     """Give what a certificate calls its application, by which servers know it; empty where it does not say."""
     data = Path(certificate).read_bytes()
     try:

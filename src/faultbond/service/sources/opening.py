@@ -195,9 +195,8 @@ def _file(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
 def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> LiveSource:
     asked = _Asked(place, settings, ("client", "qos", "patience", "together"))
     scheme, _, rest = place.partition("://")
-    authority, _, topic = rest.partition("/")
-    host, port, user, password = _log_in(asked, authority, options)
-    filters = {item.asset: options.topics.get(item.asset, topic.replace("{asset}", item.asset)) for item in subscribers}
+    host, port, user, password = _log_in(asked, rest.partition("/")[0], options)
+    filters = topic_filters(place, [item.asset for item in subscribers], options)
     for asset, wanted in filters.items():
         if not wanted or not _is_filter(wanted):
             raise asked.mistake(f"{wanted!r} is no topic for {asset}. Write it behind the host, as in HOST/plant/+.")
@@ -221,6 +220,12 @@ def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
         tls=tls,
     )
     return MqttSource(broker, filters, subscribers, options)
+
+
+def topic_filters(address: str, assets: Sequence[str], options: SourceOptions) -> dict[str, str]:
+    """Give what an MQTT source subscribes to for each of its assets."""
+    topic = split_address(address)[0].partition("://")[2].partition("/")[2]
+    return {name: options.topics.get(name, topic.replace("{asset}", name)) for name in assets}
 
 
 def _opcua(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> LiveSource:
@@ -297,11 +302,22 @@ def _is_filter(topic: str) -> bool:
 def _tls(asked: _Asked, options: SourceOptions) -> ssl.SSLContext:
     """Give what a broker is known by, and what it knows us by."""
     try:
-        context = ssl.create_default_context(cafile=options.authority or None)
-        if options.certificate:
-            context.load_cert_chain(options.certificate, options.key or None)
+        return client_context(options.authority, options.certificate, options.key)
     except (OSError, ssl.SSLError) as error:
         raise asked.mistake(f"authority, certificate or key cannot be used ({error}).") from error
+
+
+def client_context(authority: str, certificate: str, key: str) -> ssl.SSLContext:
+    """Give by what a server is known and what it knows us by, files each; empty: those of the system, and nothing.
+
+    Raises
+    ------
+    OSError
+        Where a file cannot be used.
+    """
+    context = ssl.create_default_context(cafile=authority or None)
+    if certificate:
+        context.load_cert_chain(certificate, key or None)
     return context
 
 

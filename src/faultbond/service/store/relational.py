@@ -41,6 +41,7 @@ PAGE = 500  # records or deeds that are read at once
 LEAST_EFFORT = 64  # of merging in a commit; see `tail.merge`
 _LOG = "SELECT number, asset, n_inputs, n_outputs, rows, points, deeds, cursor, arrived, time FROM logs"
 
+_READERS = "CREATE TABLE IF NOT EXISTS readers (name TEXT PRIMARY KEY, place BIGINT NOT NULL)"  # not in older stores
 _NEVER = 2**62  # number that no row of a table has
 
 Written = TypeVar("Written")
@@ -153,6 +154,21 @@ class RelationalStore:
         merged = heapq.merge(*found, key=itemgetter(0))
         return (item for _, item in merged)
 
+    def reader(self, name: str) -> tuple[int, int]:
+        """Make a reader of records known; give its place, and the newest; see `contract.store.LogStore`."""
+        return self._writing(lambda: self._reader(name))
+
+    def records_behind(self, number: int, most: int) -> list[tuple[int, NamedRecord]]:
+        """Give the first so many records behind that of a number, each with its own."""
+        some = "SELECT number FROM records WHERE number>? ORDER BY number LIMIT ?"
+        numbers = [row[0] for row in self._database.rows(some, number, most)]
+        told = self._records("number<=?", [numbers[-1] if numbers else number], number + 1)
+        return [(place, record) for place, (_, record) in zip(numbers, told, strict=True)]
+
+    def advance(self, name: str, number: int) -> None:
+        """Let a reader stand behind the record of a number; on the disk when this returns."""
+        self._writing(lambda: self._advance(name, number))
+
     def contested(self) -> list[tuple[str, object]]:
         """Give id and content of what came again otherwise than it is kept, in the order in which it came."""
         found = self._database.rows("SELECT id, content FROM contested ORDER BY number")
@@ -182,6 +198,17 @@ class RelationalStore:
             )
         finally:
             self._logs.clear()  # tails are others now
+
+    def _reader(self, name: str) -> tuple[int, int]:
+        with self._database.transaction():
+            self._database.change(_READERS)
+            newest = int(self._database.number("SELECT max(number) FROM records") or 0)
+            self._database.change("INSERT INTO readers VALUES (?, ?) ON CONFLICT (name) DO NOTHING", name, newest)
+            return int(self._database.number("SELECT place FROM readers WHERE name=?", name)), newest
+
+    def _advance(self, name: str, number: int) -> None:
+        with self._database.transaction():
+            self._database.change("UPDATE readers SET place=? WHERE name=?", number, name)
 
     def _enrol(self, enrolment: Enrolment) -> Log:
         with self._database.transaction():

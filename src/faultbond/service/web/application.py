@@ -16,7 +16,8 @@ from fastapi import APIRouter, Depends, FastAPI, HTTPException, Path, Query, Req
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse
 from fastapi.routing import APIRoute
-from fastapi.security import APIKeyCookie, APIKeyHeader
+from fastapi.security import APIKeyCookie, APIKeyHeader, HTTPBearer
+from fastapi.security import HTTPAuthorizationCredentials as Bearer
 from starlette.exceptions import HTTPException as AnyHTTPException
 from starlette.types import Message
 
@@ -24,6 +25,7 @@ from faultbond.errors import FaultbondError, StoreError
 from faultbond.service.contract.face import Face, Shown
 from faultbond.service.contract.face import Request as Wanted
 from faultbond.service.contract.messages import Action
+from faultbond.service.sinks.openmetrics import MEDIA_TYPE
 from faultbond.service.web.broadcast import Broadcast, BusyError, EventStream
 from faultbond.service.web.page_files import page_files
 from faultbond.service.web.security import Guard, Person, Role, TooManyTriesError, needed
@@ -62,8 +64,15 @@ _REFUSALS = {
 }
 _cookie = APIKeyCookie(name=COOKIE, auto_error=False, description="Of a session that `login` began")
 _header = APIKeyHeader(name=TOKEN, auto_error=False, description="The `token` that `me` tells")
+_bearer = HTTPBearer(auto_error=False, description="The token of `tell` with `to: metrics`")
 AssetName = Annotated[str, Path(max_length=200, description="Name of an asset")]
 ClockTime = Annotated[float | None, Query(allow_inf_nan=False, description="By the clock of the samples, s")]
+
+
+class Metrics(Response):
+    """Numbers as OpenMetrics has them."""
+
+    media_type = MEDIA_TYPE
 
 
 class Bounded(APIRoute):
@@ -106,7 +115,7 @@ class Described(FastAPI):
         return super().openapi()
 
 
-def application(face: Face, guard: Guard, *, hosts: Collection[str] = LOOPBACK) -> FastAPI:
+def application(face: Face, guard: Guard, *, hosts: Collection[str] = LOOPBACK, metrics_token: str = "") -> FastAPI:
     """Make the application.
 
     Parameters
@@ -114,6 +123,7 @@ def application(face: Face, guard: Guard, *, hosts: Collection[str] = LOOPBACK) 
     face : the service
     guard : knows people
     hosts : names and addresses under which the service may be asked, without ports
+    metrics_token : with which a program may ask for `/metrics` that has no session; empty: none may
 
     Returns
     -------
@@ -134,6 +144,7 @@ def application(face: Face, guard: Guard, *, hosts: Collection[str] = LOOPBACK) 
     made.include_router(_pages())
     made.include_router(_people(guard))
     made.include_router(_views(face, guard, made.state.broadcast))
+    made.include_router(_measures(face, guard, made.state.broadcast, metrics_token))
     made.include_router(_deeds(face, guard))
     return made
 
@@ -327,6 +338,25 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
         except BusyError as error:
             raise HTTPException(503, str(error), {"retry-after": "10"}) from None
         return EventStream(broadcast, admitted, lambda: guard.who(cookie) is not None)
+
+    return router
+
+
+def _measures(face: Face, guard: Guard, broadcast: Broadcast, token: str) -> APIRouter:
+    """Give what programs measure; they show a token where people have a session."""
+    router = APIRouter(tags=["views"], route_class=Bounded)
+
+    async def may_ask(
+        cookie: Annotated[str | None, Depends(_cookie)], shown: Annotated[Bearer | None, Depends(_bearer)]
+    ) -> None:
+        is_known = bool(token) and shown is not None and hmac.compare_digest(shown.credentials.encode(), token.encode())
+        if not is_known and guard.who(cookie) is None:
+            raise HTTPException(401, "Nobody is logged in. Show the token of `tell`.", {"www-authenticate": "Bearer"})
+
+    @router.get("/metrics", response_class=Metrics, responses=_refusals(401), dependencies=[Depends(may_ask)])
+    def metrics(request: Request) -> Response:
+        """Tell what is measured, as OpenMetrics has it."""
+        return _packed(request, Metrics(face.metrics(len(broadcast))))
 
     return router
 

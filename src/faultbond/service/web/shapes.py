@@ -9,8 +9,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from faultbond.service.alarm import LONGEST_SHELF
-from faultbond.service.contract.messages import DECISIONS, Action, Ne107
+from faultbond.service.contract.messages import DECISIONS, LONGEST_SHELF, Action, Ne107
 
 Finite = float | None  # null where a value is missing or not finite
 Finites = list[Finite]

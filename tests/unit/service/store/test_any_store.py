@@ -216,6 +216,17 @@ class AnySequence(RuleBasedStateMachine):
         assert found == expected
         assert list(self.store.deeds(asset, newest=newest)) == list(self.slow.deeds(asset, newest=newest))
 
+    @rule(name=st.sampled_from(("scada", "tickets")), steps=st.integers(0, 3), most=st.integers(1, 4))
+    def read_on(self, name: str, steps: int, most: int) -> None:
+        """A reader goes on behind what it had, also after a new start."""
+        assert self.store.reader(name) == self.slow.reader(name)
+        for _ in range(steps):
+            place = self.slow.reader(name)[0]
+            found = self.store.records_behind(place, most)
+            assert found == self.slow.records_behind(place, most)
+            for store in (self.store, self.slow):
+                store.advance(name, found[-1][0] if found else place)
+
     @rule(asset=st.sampled_from(ASSETS), begin=MOMENTS, end=MOMENTS)
     def read_curves(self, asset: str, begin: float | None, end: float | None) -> None:
         assert_same_curves(self.store.curves(asset, begin, end), self.slow.curves(asset, begin, end))

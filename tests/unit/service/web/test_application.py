@@ -273,6 +273,7 @@ def test_the_description_is_complete(local: Asked) -> None:
     operations = [(path, method, item) for path, methods in told["paths"].items() for method, item in methods.items()]
     assert {path for path, _, _ in operations} == {
         "/health",
+        "/metrics",
         *(f"/api/v1/{name}" for name in ("me", "login", "logout", "site", "events")),
         *(f"/api/v1/assets/{{asset}}{name}" for name in ("", "/curves", "/report", "/deeds")),
     }
