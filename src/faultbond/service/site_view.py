@@ -98,8 +98,14 @@ class SiteView:
     def measures(self) -> list[AssetMeasures]:
         """Give what is measured of all assets."""
         with self._lock:  # once for all of them: who writes may hold it for long, and would for each
+            began = self._clock() - self._steady()  # of the clock that only grows, as that of the machine is now
             seen = ((asset, self._seen[asset.name]) for asset in self._log.assets.values())
-            return [measures_of(item, self._summary(item), of.counts, arrived=of.arrived) for item, of in seen]
+            return [
+                measures_of(
+                    asset, self._summary(asset), of.counts, arrived=None if of.heard is None else began + of.heard
+                )
+                for asset, of in seen
+            ]
 
     def asset(self, name: str) -> Shown:
         """Give an asset."""

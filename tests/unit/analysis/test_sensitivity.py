@@ -1,6 +1,6 @@
 """Trajectories by backward Euler and their derivatives."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -10,6 +10,7 @@ from faultbond.analysis.sensitivity import Experiment, Sensitivity, build_recurs
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
 from faultbond.errors import StructureError
+from faultbond.model.graph import Input, Sensor
 from plants import circuit, example, run, stated
 
 LEAK = (
@@ -117,7 +118,11 @@ def test_derivatives_by_instruments_are_those_of_what_is_recorded(name: str, ons
 
     wanted = slopes(acting, np.zeros(2 * n_u), np.ones(2 * n_u))
     first, n_y = len(graph.parameters), len(graph.sensors)
-    kinds = [(graph.sensors, "bias"), (graph.inputs, "bias"), (graph.inputs, "gain")]
+    kinds: list[tuple[Sequence[Sensor | Input], str]] = [
+        (graph.sensors, "bias"),
+        (graph.inputs, "bias"),
+        (graph.inputs, "gain"),
+    ]
     assert found.parameters[first:] == tuple(f"{item.name}.{word}" for of, word in kinds for item in of)
     assert found.steps[first:].tolist() == [*(item.noise for item in graph.sensors), *largest, *np.ones(n_u)]
     assert found.theta[first:].tolist() == [0.0] * (n_y + n_u) + [1.0] * n_u
