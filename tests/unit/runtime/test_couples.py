@@ -106,7 +106,7 @@ def wandering() -> Core:
 
 @pytest.mark.parametrize("faults", [(SENSOR, COMPONENT), (SENSOR,), (COMPONENT,)])
 def test_a_second_fault_is_no_jump_of_a_slow_error(faults: tuple[Fault, ...]) -> None:
-    """A meter that is off at once, by two standard deviations of its slow error, is named, beside a component and alone."""
+    """A meter that is off at once, by two sd of its slow error, is named beside a component, and alone."""
     best = run(wandering(), recording(faults))[0].conclude().candidates[0]
     assert best.parameters == tuple(item.parameter for item in faults)
     assert best.probability > 0.99
