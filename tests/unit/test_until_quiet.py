@@ -190,6 +190,43 @@ def test_errors_tell_what_they_look_like(tmp_path: Path) -> None:
     assert "i moves the other way round than expected" in said
 
 
+@pytest.mark.parametrize(
+    ("both", "lags", "kept"),
+    [
+        (755.0, 753.0, {Kind.LAG}),  # the slow error stood for them
+        (755.0, 700.0, {Kind.ABSOLUTE, Kind.LAG}),  # it has a cause of its own
+        (603.0, 300.0, {Kind.ABSOLUTE}),  # they gain nothing beside it
+    ],
+)
+def test_a_slow_error_does_not_stand_for_lags(
+    both: float, lags: float, kept: set[Kind], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside the slow error that is best lags need to gain something, no more; it goes where they suffice."""
+    items = [Imperfection(kind=Kind.ABSOLUTE, place="Q"), *(Imperfection(kind=Kind.LAG, place=name) for name in "uv")]
+    graph, alone = parse_model(MODEL, file="m.yaml"), (602.0, 519.0, 310.0)
+    stand = Footing(graph=graph, values={}, starts={})
+
+    def footing(added: tuple[Added, ...], held: float) -> Footing:
+        return replace(stand, held=held, added=added)
+
+    found = [
+        footing((Added(what=item, trained=held, held=held),), held) for item, held in zip(items, alone, strict=True)
+    ]
+
+    def together(_: Search, stand: Footing, more: list[Added]) -> Footing:
+        gains = {(True, 1): lags, (True, 2): lags, (False, 3): both, (False, 2): both, (False, 1): 602.0}
+        return footing(tuple(more), gains[more[0].what.kind is Kind.LAG, len(more)])
+
+    search = Search.__new__(Search)
+    search.tell, search.refused = lambda _: None, set()
+    ground = SimpleNamespace(climbed=lambda _, item, few: found[items.index(item)])
+    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item) for item in items])
+    monkeypatch.setattr(Search, "_together", together)
+    better = search.better(stand)
+    assert better is not None
+    assert {item.what.kind for item in better.added} == kept
+
+
 @pytest.mark.parametrize("gain", [4.0, 2.0])
 def test_what_gains_nothing_beside_all_recordings_is_not_added(gain: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """What a few recordings call for is kept where it foretells what was held back also as fitted to all of them."""

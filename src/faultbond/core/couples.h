@@ -77,10 +77,11 @@ static int is_of_store(int index)
 static double said_with(Bank *bank, int64_t k, int index, const double *old, double *value)
 {
     const int64_t place = AT_PARAMETERS + index;
-    const double *healthy = SLOT_OLD[k] && old ? old : bank->healthy;
+    const double mean = SLOT_OLD[k] && old ? old[place] : bank->healthy[place], moved = bank->healthy[place] - mean;
+    const double variance = bank->healthy[PLAIN_PLACE(place, place)] + moved * moved; /* as of `doubted` */
     double change;
-    const double gain = gain_from(healthy, of_slot(bank, k, place), of_slot(bank, k, WIDE_PLACE(place, place)), index, &change);
-    *value = healthy[place] + change;
+    const double gain = gain_from(mean, variance, of_slot(bank, k, place), of_slot(bank, k, WIDE_PLACE(place, place)), index, &change);
+    *value = mean + change;
     return likelihood_of_slot(bank, k) + SLOT_WEIGHT[k] + gain;
 }
 
@@ -361,7 +362,7 @@ static void begin_couples(const Bank *bank, const Trail *trail, int64_t onset, J
     for (int64_t place = onset; place < trail->n; place++) elapsed += sample_at(trail, place)[SAMPLE_DT];
     memset(&job->walk, 0, sizeof job->walk);
     prepare_slots(trail, before_onset(trail, onset), onset, NULL, memory);
-    if (trail->old) unlearned(start->healthy, trail->old, lane_of_old);
+    if (trail->old) doubted(start->healthy, trail->old, lane_of_old);
     else memcpy(lane_of_old, start->healthy, sizeof start->healthy);
     for (int l = 0; l < GROUP; l++) {
         const int64_t lane = job->lane[l], base = job->bases[lane];

@@ -33,12 +33,11 @@ typedef struct {
     double value[FB_ROOM(LARGEST_SET)]; /* factors of its members to begin at */
 } Choice;
 
-/* What one more suspect would add to the likelihood of a lane, and its change. healthy: the plain lane whose narrow prior it
-   has; found, after: mean and variance that it has in the lane. */
-static double gain_from(const double *healthy, double found, double after, int index, double *change)
+/* What one more suspect would add to the likelihood of a lane, and its change. mean, variance: of its narrow prior; found, after:
+   those that it has in the lane. */
+static double gain_from(double mean, double variance, double found, double after, int index, double *change)
 {
-    const int64_t k = AT_PARAMETERS + index;
-    const double mean = healthy[k], variance = healthy[PLAIN_PLACE(k, k)], least = LEAST_INFORMATION / variance;
+    const double least = LEAST_INFORMATION / variance;
     const double size = (HEALTHY[index] != 0.0 ? fabs(mean) : 1.0) * CHANGE[index], wide = size * size;
     const double told = 1.0 / after - 1.0 / variance, information = told < least ? least : told;
     const double off = (found - mean) / (after * information);
@@ -52,7 +51,8 @@ static double gain_from(const double *healthy, double found, double after, int i
 static double gain_of(Bank *bank, int64_t lane, int index, double *change)
 {
     const int64_t k = AT_PARAMETERS + index;
-    return gain_from(bank->healthy, *number_of_step(bank, lane, k), *number_of_step(bank, lane, PLAIN_PLACE(k, k)), index, change);
+    const double mean = bank->healthy[k], variance = bank->healthy[PLAIN_PLACE(k, k)];
+    return gain_from(mean, variance, *number_of_step(bank, lane, k), *number_of_step(bank, lane, PLAIN_PLACE(k, k)), index, change);
 }
 
 /* A set of the reserve as a tested one with one more suspect, from the best of those it may come from; gives its

@@ -19,8 +19,8 @@
 
 /* From what lanes begin: the healthy lane at one place, and what was seen up to there. */
 typedef struct {
-    double healthy[PLAIN_NUMBERS];                /* its slow errors begun anew */
-    double wide[WIDE_NUMBERS], old[WIDE_NUMBERS]; /* with an empty slot; with the parameters of long ago */
+    double healthy[PLAIN_NUMBERS];
+    double wide[WIDE_NUMBERS], old[WIDE_NUMBERS]; /* with an empty slot; with what was learned since long ago in doubt */
     double step;                                  /* usual s from sample to sample */
     int64_t n_seen;
 } SlotStart;
@@ -90,6 +90,18 @@ static void unlearned(const double *healthy, const double *old, double *lane)
     }
 }
 
+/* A plain lane of `healthy`, whose parameters may have learned wrongly since `old`: they are as they were then, and all that they
+   have moved by since may as well be true. Only along that way are they less known, and none by itself: what was read up to now
+   still says what they come to together. */
+static void doubted(const double *healthy, const double *old, double *lane)
+{
+    memcpy(lane, healthy, PLAIN_NUMBERS * sizeof *lane);
+    for (int i = AT_PARAMETERS; i < AT_SLOT; i++) {
+        lane[i] = old[i];
+        for (int j = i; j < AT_SLOT; j++) lane[PLAIN_PLACE(i, j)] += (healthy[i] - old[i]) * (healthy[j] - old[j]);
+    }
+}
+
 /* What its size adds for each of it to what sensor j reads, or to what that shows while it is stuck, SI. A gain multiplies what the
    sensor shows in its own unit, y = z + (1 + size) (h - z) with z where that is 0: in degC it is none of kelvin. */
 static inline double adds_to_reading(int64_t k, int j)
@@ -143,10 +155,9 @@ static void prepare_slots(const Trail *trail, const double *healthy, int64_t n_s
 {
     SlotStart *start = &memory->start;
     memcpy(start->healthy, healthy, sizeof start->healthy);
-    forget_slow_errors(start->healthy);
     widen(start->healthy, start->wide);
     if (old) {
-        unlearned(start->healthy, old, memory->plain);
+        doubted(start->healthy, old, memory->plain);
         widen(memory->plain, start->old);
     } else {
         memcpy(start->old, start->wide, sizeof start->old);

@@ -144,7 +144,6 @@ static void begin_steps(const Start *starts, const Trail *trail, int64_t onset, 
 {
     memcpy(memory->healthy, before_onset(trail, onset), sizeof memory->healthy);
     const double likelihood = memory->healthy[PLAIN_LIKELIHOOD];
-    forget_slow_errors(memory->healthy);
     bank_sample(sample_at(trail, onset), memory->sample);
     begin_lanes(starts, normal, group, memory, work);
     for (int64_t l = 0; l < GROUP; l++) group[PLAIN_LIKELIHOOD][l] = likelihood;

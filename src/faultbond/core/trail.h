@@ -54,7 +54,7 @@ static void bank_sample(const double *packed, double *sample)
     sample[SAMPLE_BOUND] = BANK_BOUND;
 }
 
-/* Begin the slow errors of a plain lane anew: near the alarm they already hold a part of the fault. */
+/* Begin the slow errors of a plain lane anew, as where its parameters are those of another time. */
 static void forget_slow_errors(double *lane)
 {
     for (int k = 0; k < N_SLOW; k++) {

@@ -91,7 +91,8 @@ static void clear_job(Job *job)
 }
 
 /* After a fault that began long before the trail, the healthy filter has learned from it: the lanes of the trail, from which
-   those of the bank begin, get the parameters of before, as uncertain as their usual walks have made them since. */
+   those of the bank begin, get the parameters of before, as uncertain as their usual walks have made them since; slow errors, which
+   hold what these parameters do not explain, begin anew. */
 static void unlearn(State *state, const Trail *trail)
 {
     if (state->alarm.old < 0 || !trail->old) return;
@@ -99,6 +100,7 @@ static void unlearn(State *state, const Trail *trail)
     for (int64_t number = trail->oldest; number < trail->oldest + trail->n; number++) {
         double *lane = row_of(&state->past, number)->lane;
         unlearned(lane, trail->old, lane);
+        forget_slow_errors(lane);
         for (int i = 0; i < N_PARAMETERS; i++)
             for (int j = i; j < N_PARAMETERS; j++)
                 lane[PLAIN_PLACE(AT_PARAMETERS + i, AT_PARAMETERS + j)] *= sqrt(fmax(usual[i], 1.0) * fmax(usual[j], 1.0));

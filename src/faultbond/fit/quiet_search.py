@@ -71,6 +71,7 @@ LAG_GRID = 4.0  # samples: a lag for which one step of the integration is enough
 LEAST_LAG = 0.2  # samples
 LAGS_TRIED = 2
 RESTLESS = 0.5  # of the rows, in which an input moves that is no command in steps
+LATE = (Kind.LAG, Kind.HOLD)
 SIZED = (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER, Kind.INPUT_NOISE)
 HINT = 5.0  # nats that a lag must seem to explain to be tried
 MOST_SAMPLES = 6000  # with which sizes are compared
@@ -212,7 +213,8 @@ class Search:
     def _joint(self, stand: Footing, best: Footing, others: Sequence[Footing]) -> Footing | None:
         """Give where the best and others, each of another place, lead together; None: they gain no more than one does.
 
-        What explains the same thing gains together hardly more than alone; that is not added twice.
+        What explains the same thing gains together hardly more than alone; that is not added twice. A slow error that
+        is best may stand for lags: these are asked for beside it, and it goes where they gain as much without it.
         """
         places = {best.added[-1].what.place}
         chosen = [best]
@@ -225,11 +227,20 @@ class Search:
             self.tell(f"fitting {', '.join(item.what.words for item in more)} together")
             with suppress(StructureError):
                 found = self._together(stand, more)
-                alone = [item.held for item in more]
-                if found.held - stand.held >= alone[0] + BESIDE * sum(alone[1:]):
-                    return found
+                asked = sum(_asked_beside(more[0], item) for item in more[1:])
+                if found.held - stand.held >= more[0].held + asked:
+                    return self._without_stand_in(stand, found, more)
             chosen = chosen[: 2 if len(chosen) > 2 else 0]
         return None
+
+    def _without_stand_in(self, stand: Footing, found: Footing, more: Sequence[Added]) -> Footing:
+        """Give a footing without its slow error where what comes late beside that foretells as much alone."""
+        late = [item for item in more if item.what.kind in LATE]
+        if not more[0].what.is_slow or len(late) != len(more) - 1:
+            return found
+        self.tell(f"fitting {', '.join(item.what.words for item in late)} without {more[0].what.words}")
+        alone = self._together(stand, late)
+        return alone if found.held - alone.held < WORTH else found
 
     def _together(self, stand: Footing, more: Sequence[Added]) -> Footing:
         """Give where imperfections lead together, all recordings considered; each with what it gained by itself."""
@@ -545,6 +556,14 @@ class _Padded:
         """Filter all lanes over a block of samples; see `Engine.advance`."""
         missing = self.n_sample - samples.shape[1]
         return self.engine.advance(lanes, np.pad(samples, ((0, 0), (0, missing))) if missing else samples)
+
+
+def _asked_beside(best: Added, item: Added) -> float:
+    """Give what another one must gain beside the best, nats.
+
+    A slow error that stands for a lag has much of its gain already, so little of it is left beside that.
+    """
+    return WORTH if best.what.is_slow and item.what.kind in LATE else BESIDE * item.held
 
 
 def values_of(plant: FittedPlant, stand: Footing) -> FloatArray:

@@ -317,7 +317,7 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         if not diagnosis.advice:
             return f"Cannot yet be told apart: {listed}; more data, or a change of input, would be needed.{hint}"
         return f"Cannot yet be told apart: {listed}.{hint} Best next: {action(graph, diagnosis.advice[0], notation)}."
-    return f"Most likely {_event(best, owners)}: {changes}{_certainty(diagnosis)}.{otherwise(best)}"
+    return f"Most likely {_event(best, owners)}: {changes}{_certainty(graph, diagnosis)}.{otherwise(best)}"
 
 
 def _event(best: Candidate, owners: str) -> str:
@@ -360,18 +360,21 @@ def early_sentence(graph: BondGraph, history: History) -> str:
     return f"This is early, {with_noun(since, 'sample')} after the alarm: up to {last} it may still change."
 
 
-def _certainty(diagnosis: Diagnosis) -> str:
-    """Say how sure the best candidate is, sets that were not tested included; empty where nothing is a chance."""
+def _certainty(graph: BondGraph, diagnosis: Diagnosis) -> str:
+    """Say how sure the best candidate is, sets that were not tested included; empty where nothing is a chance.
+
+    Where the model lets one thing be at fault at a time it is sure of that alone: of two it was not asked.
+    """
     best, left = diagnosis.candidates[0], diagnosis.untested
     if not best.kinds:  # the method `classic` knows an order only
         return ""
-    sure = certainty_text(best.probability)
+    sure, alone = certainty_text(best.probability), " if only one thing is at fault" if graph.max_faults == 1 else ""
     if left is None or not left.sets:
-        return f", {sure}"
+        return f", {sure}{alone}"
     if left.probability >= 1.0:
-        return f", {sure} among the sets tested"
+        return f", {sure} among the sets tested{alone}"
     least = certainty_text(best.probability * (1.0 - left.probability))
-    return f", {sure}" if least == sure else f", at least {least}"
+    return f", {sure}{alone}" if least == sure else f", at least {least}{alone}"
 
 
 def unexplained_sentence(found: Unexplained) -> str:

@@ -29,6 +29,7 @@ from made import TANK_START, plant, recorded, run, samples_of
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 TANK = (Path(__file__).parents[3] / "examples" / "tank" / "model.yaml").read_text(encoding="utf-8")
 FAULT = Fault(parameter="K6", factor=9.0, start=230.0)
+PARTED = ACCEPTED - 24  # of the course: a moment at which a move of its input would part what could be at fault
 APART, AHEAD, WORTH, LEAST = (core_settings()[name] for name in ("APART", "AHEAD", "WORTH", "LEAST_LIKELY"))
 INPUTS = """\
 name: many inputs
@@ -299,7 +300,7 @@ def parted(monitor: Monitor, rivals: tuple[Candidate, ...], held: FloatArray) ->
 @pytest.mark.parametrize("lanes", [0, 8, 4, 1])
 def test_moves_part_what_predictions_part(lanes: int) -> None:
     """Groups are those of filters run one by one, of all kinds of lanes, with any number of them side by side."""
-    monitor = Monitor(cell(lanes), course().saved[ACCEPTED - 1]) if lanes else leaking()
+    monitor = Monitor(cell(lanes), course().saved[PARTED]) if lanes else leaking()
     listed, spec = monitor.conclude().candidates, monitor.spec
     names = [item.components for item in listed]
     wide = [k for k, item in enumerate(listed) if len(monitor.lane(item.lane)) > spec.n_numbers]

@@ -208,18 +208,16 @@ def trail(n: int) -> tuple[FloatArray, FloatArray]:
 
 def begun(k: int, place: int, n_seen: int, of: tuple[FloatArray, FloatArray], old: FloatArray | None) -> FloatArray:
     """Lane k of the plan (n_numbers,), begun from the healthy lane at a place, by matrices."""
-    (samples, lanes), item, slow, own = of, PLAN.lanes[k], SPEC.slow_slice, SPEC.parameter_slice
+    (samples, lanes), item, own = of, PLAN.lanes[k], SPEC.parameter_slice
     z, full = lanes[place, : SPEC.n_joint].copy(), unpack(SPEC, lanes[place, SPEC.covariance_slice])
-    z[slow], full[slow], full[:, slow] = 0.0, 0.0, 0.0
-    full[slow, slow] = 0.01**2
     is_gain, unit = item.kind is FaultKind.GAIN, 1.0
     if item.parameter == 0:
         unit = z[own][item.parameter]
     elif item.input >= 0 and not is_gain:
         unit = [6.0, 1.0][item.input]
     if item.old and old is not None:
-        z[own], full[own], full[:, own] = old[own], 0.0, 0.0
-        full[own, own] = unpack(SPEC, old[SPEC.covariance_slice])[own, own]
+        full[own, own] += np.outer(z[own] - old[own], z[own] - old[own])
+        z[own] = old[own]
     lane, wide = np.zeros(WIDE.n_numbers), np.zeros((WIDE.n_joint, WIDE.n_joint))
     lane[SHARED], wide[np.ix_(SHARED, SHARED)], lane[-1] = z, full, lanes[place, -1]
     lane[SIZE], lane[RATE] = item.size * unit, item.rate * unit / 0.5
@@ -313,7 +311,7 @@ def test_the_plan_has_what_the_tests_are_about() -> None:
     assert (SWITCHED % 2, (N - SWITCHED) // 2 % 8) == (1, 1)
     assert [item.direct_inputs for item in SPEC.outputs] == [(0,), ()]
     old = {(item.kind, item.parameter >= 0) for item in PLAN.lanes if item.old}
-    assert old == {(FaultKind.DRIFT, True)}  # of drifts under way what the plant has learned is forgotten
+    assert old == {(FaultKind.DRIFT, True)}  # of drifts under way what the plant has learned is in doubt
     assert any(item.kind is FaultKind.DRIFT and item.parameter >= 0 and not item.old for item in PLAN.lanes)
 
 

@@ -197,7 +197,7 @@ def test_which_biases_come_up_slowly() -> None:
 
 
 def test_no_time_passes_twice_at_the_onset() -> None:
-    """Half of the way of a fault that came at the sample before; slow errors, which hold a part of it, begin anew.
+    """Half of the way of a fault that came at the sample before; all that is healthy is as well known as before it.
 
     What a gap or a kick adds at the onset is added once, before its readings.
     """
@@ -213,11 +213,7 @@ def test_no_time_passes_twice_at_the_onset() -> None:
     found = np.zeros(spec.n_numbers)
     rows = np.ascontiguousarray(np.concatenate([samples, lanes], axis=1))
     cell.call("t_begin", rows, np.array([float(n)]), np.array([float(onset)]), found)
-    later, full = lanes[onset - 1].copy(), unpack(spec, lanes[onset - 1, spec.covariance_slice])
-    (slow,) = range(*spec.slow_slice.indices(spec.n_joint))
-    later[slow], full[slow], full[:, slow] = 0.0, 0.0, 0.0
-    full[slow, slow] = spec.slow_errors[0].sd ** 2
-    later[spec.covariance_slice] = pack(full)
+    later = lanes[onset - 1].copy()
     samples[:, place["again"]], samples[:, place["bound"]] = 1.0, spec.thresholds.bank_bound
     blind = samples[onset].copy()
     blind[place["use"]] = 0.0

@@ -44,6 +44,17 @@ def test_verdict_names_component_and_values(history: History) -> None:
     assert sentence(history, replace(best, kinds=())) == f"{told}."  # a method that has no chances
 
 
+def test_of_two_faults_a_model_of_one_was_not_asked(history: History) -> None:
+    """Where `max_faults` is 1 the verdict is sure of one fault alone, and says so; where it is not sure it does not."""
+    best = kind_of(suspect(GRAPH, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.993)
+    one, counts, last = replace(GRAPH, max_faults=1), RunCounts(samples=9), with_last(history, (best,))
+    told = verdict_sentence(one, last, counts, Notation.FILE)
+    assert told == f"{sentence(history, best).removesuffix('.')} if only one thing is at fault."
+    other = kind_of(suspect(GRAPH, "K8", 0.9, 0.02), (FaultKind.STEP, 1.0), probability=0.4)
+    both = with_last(history, (replace(best, probability=0.6), other))
+    assert verdict_sentence(one, both, counts, Notation.FILE) == verdict_sentence(GRAPH, both, counts, Notation.FILE)
+
+
 def test_an_early_verdict_says_so(history: History) -> None:
     """A verdict within 200 samples of the alarm is called early; later, of a run before, or of `classic` it is not."""
     best = kind_of(suspect(GRAPH, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.993)

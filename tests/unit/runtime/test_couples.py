@@ -9,12 +9,14 @@ import pytest
 from faultbond.contract.couples import n_coupled, plan_couples
 from faultbond.contract.findings import Candidate
 from faultbond.contract.samples import Sample
+from faultbond.model.text import parse_model
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
 from faultbond.runtime.names import find_hypothesis
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
+from faultbond.synthesis.engine import build_engine
 from faultbond.types import FaultKind
-from made import differing, graph_of, plant_in_full, run, samples_of, spec_of
+from made import EXAMPLES, differing, graph_of, plant_in_full, run, samples_of, spec_of
 
 NAME = "dc_motor_current"
 SPEC = spec_of(NAME)
@@ -93,6 +95,21 @@ def test_of_one_fault_nothing_is_made_of_two(fault: Fault) -> None:
     assert [item.group for item in diagnosis.candidates].count(True) == 1
     pairs = [item.parameters for item in diagnosis.candidates if len(item.parameters) == 2]
     assert sum(fault.parameter in names and any("." in name for name in names) for names in pairs) >= 3
+
+
+@cache
+def wandering() -> Core:
+    """The core of the motor whose meter of speed is off by 0.3 rad/s or so, by another value every 100 s."""
+    text = (EXAMPLES / NAME / "model.yaml").read_text(encoding="utf-8")
+    return build_engine(parse_model(f"{text}\nslow_error: {{omega: 0.3 rad/s over 100 s}}\n", "model.yaml"))[1]
+
+
+@pytest.mark.parametrize("faults", [(SENSOR, COMPONENT), (SENSOR,), (COMPONENT,)])
+def test_a_second_fault_is_no_jump_of_a_slow_error(faults: tuple[Fault, ...]) -> None:
+    """A meter that is off at once, by two sd of its slow error, is named beside a component, and alone."""
+    best = run(wandering(), recording(faults))[0].conclude().candidates[0]
+    assert best.parameters == tuple(item.parameter for item in faults)
+    assert best.probability > 0.99
 
 
 def test_none_is_tested_before_the_bank_is_renewed() -> None:

@@ -1,4 +1,4 @@
-"""Drifts long under way: what the healthy filter learned from them is forgotten, and they begin again."""
+"""Drifts long under way: what the healthy filter learned from them is in doubt, and they begin again."""
 
 from functools import cache
 

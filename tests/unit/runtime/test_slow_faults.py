@@ -9,6 +9,7 @@ import pytest
 
 from faultbond.contract.findings import Detection, Diagnosis
 from faultbond.contract.samples import Sample
+from faultbond.contract.spec import covariance_place
 from faultbond.model.text import parse_model
 from faultbond.runtime.core import Core
 from faultbond.runtime.fleet import Fleet
@@ -80,6 +81,23 @@ def test_what_was_accepted_is_judged_by_what_was_found(seed: int) -> None:
     monitor.resume()  # the plant was elsewhere meanwhile
     later = [replace(item, time=item.time + ROWS * 0.02) for item in motor(1.3, seed)]
     assert all(monitor.step(item).detection is None for item in later)
+
+
+def test_where_parameters_are_taken_back_slow_errors_begin_anew() -> None:
+    """After an alarm by a walk from the start no lane of the trail has a slow error found with other parameters."""
+    text = (EXAMPLES / "dc_motor" / "model.yaml").read_text(encoding="utf-8")
+    core = build_engine(parse_model(f"{text}\nslow_error: {{omega: 0.01 rad/s over 2 s}}\n", "model.yaml"))[1]
+    monitor = Monitor(core)
+    found = any(monitor.step(sample).detection is not None for sample in motor(1.3, 11))
+    spec, alarm = monitor.spec, int(monitor.number("clock.alarm"))
+    assert found
+    assert monitor.number("alarm.old") >= 0
+    (k,) = range(*spec.slow_slice.indices(spec.n_joint))
+    for number in (alarm - 100, alarm):
+        lane = monitor.row(number)[1]
+        row = [lane[covariance_place(spec, min(i, k), max(i, k))] for i in range(spec.n_joint)]
+        assert lane[k] == 0.0
+        assert row == pytest.approx([spec.slow_errors[0].sd ** 2 if i == k else 0.0 for i in range(spec.n_joint)])
 
 
 @cache
