@@ -227,7 +227,8 @@ class Search:
             self.tell(f"fitting {', '.join(item.what.words for item in more)} together")
             with suppress(StructureError):
                 found = self._together(stand, more)
-                asked = sum(_asked_beside(more[0], item) for item in more[1:])
+                eased = LATE if more[0].what.is_slow else ()  # a slow error has much of what these gain
+                asked = sum(WORTH if item.what.kind in eased else BESIDE * item.held for item in more[1:])
                 if found.held - stand.held >= more[0].held + asked:
                     return self._without_stand_in(stand, found, more)
             chosen = chosen[: 2 if len(chosen) > 2 else 0]
@@ -556,14 +557,6 @@ class _Padded:
         """Filter all lanes over a block of samples; see `Engine.advance`."""
         missing = self.n_sample - samples.shape[1]
         return self.engine.advance(lanes, np.pad(samples, ((0, 0), (0, missing))) if missing else samples)
-
-
-def _asked_beside(best: Added, item: Added) -> float:
-    """Give what another one must gain beside the best, nats.
-
-    A slow error that stands for a lag has much of its gain already, so little of it is left beside that.
-    """
-    return WORTH if best.what.is_slow and item.what.kind in LATE else BESIDE * item.held
 
 
 def values_of(plant: FittedPlant, stand: Footing) -> FloatArray:

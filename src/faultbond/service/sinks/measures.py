@@ -30,6 +30,7 @@ COUNTED: Mapping[str, tuple[str, str]] = {  # counts of an asset: what they are 
     "oversized": ("oversized_messages", "Messages that were too large."),
     "retained": ("retained_messages", "Old messages that the broker had kept."),
     "overflow": ("overflows", "Values before which the server dropped some."),
+    "source lost": ("sources_lost", "Times that its source was lost."),
     "begun anew": ("sources_begun_anew", "Files or simulations that had to be begun anew."),
 }
 
