@@ -59,6 +59,11 @@ class Out:
         if isinstance(self.json, RecordFile):
             self.json.go_on(before)
 
+    def append(self) -> None:
+        """Of what is begun again and again: write records after those that are in their file."""
+        if isinstance(self.json, RecordFile):
+            self.json.append()
+
     def settle(self) -> None:
         """Of a run: its start has not failed, so records may take the place of what was in their file before."""
         if isinstance(self.json, RecordFile):

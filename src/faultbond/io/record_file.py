@@ -53,7 +53,7 @@ class RecordFile:
         self._held: list[bytes] = []
         self._rest = b""  # what could not be written yet
         self._failing, self._dropped = False, 0
-        self._goes_on = False
+        self._goes_on = self._is_journal = False
         self._before: Mark | None = None
         self._known: set[bytes] = set()  # lines after the mark
         self._length, self._hash = 0, sha256()
@@ -67,6 +67,10 @@ class RecordFile:
     def go_on(self, before: Mark | None) -> None:
         """Write after what is there; `before`: up to where the records of the run reach that this one goes on from."""
         self._goes_on, self._before = True, before
+
+    def append(self) -> None:
+        """Write after what is there, whatever that is: each record says itself what it is of."""
+        self._goes_on = self._is_journal = True
 
     def write(self, line: str) -> None:
         """Write a line that ends in a line break, unless it is there from before the run was killed."""
@@ -174,7 +178,7 @@ class RecordFile:
             lines = (last + block).splitlines(keepends=True)
             last = b"" if lines[-1].endswith(b"\n") else lines.pop()
             self._account(b"".join(lines))
-        if self._length or last:
+        if (self._length or last) and not self._is_journal:
             self._warn(f"{self._title}: it is not as the kept run left it; records follow on what is there.")
         if not last or (last.startswith(b"{") and _kind(last) is None):
             return last

@@ -158,6 +158,7 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
         with door, _signals() as stopped:
             at = f"[{site.host}]" if ":" in site.host else site.host
             scheme = "http" if certificate is None else "https"
+            out.append()
             out.settle()
             out.say(f"{site.name}: {scheme}://{at}:{door.getsockname()[1]}/ - Ctrl-C stops it.")
             watching = asyncio.create_task(service.run())

@@ -23,7 +23,7 @@ from faultbond.types import TimeGrid
 HOST, PORT = "127.0.0.1", 8350
 STORE = Path("faultbond.sqlite")
 SIMULATED = "sim:"
-SHOWN = "sim:?speed=10"  # of the built-in plant: its fault comes after half a minute
+SHOWN = "sim:?speed=5&fault=K1=x1.85@300"  # of the built-in plant: after a minute, when much flows through the pipe
 ROLES = ("view", "operate", "engineer")
 
 ASSETS = "write `assets: {NAME: {model: FILE}}`"

@@ -64,13 +64,13 @@ def until(port: int, is_so: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
 
 def test_a_killed_service_goes_on_and_tells_nothing_twice(tmp_path: Path) -> None:
     """Killed three times while a recording is played, it has all records of one that was not, each once."""
-    source = ("--source", f"file:{RECORDING}?speed=20", "--store", "kept.sqlite")
+    source = ("--source", f"file:{RECORDING}?speed=20", "--store", "kept.sqlite", "--json", "records.jsonl")
     port, samples = free_port(), 0
     for k in range(3):
         with served(tmp_path, port, *source):
             samples = until(port, lambda found, k=k: found["samples"] > 250 * (k + 1))["samples"]  # type: ignore[misc]
     assert samples > 750
-    with served(tmp_path, port, *source, "--json", "records.jsonl") as process:
+    with served(tmp_path, port, *source) as process:
         shown = until(port, lambda found: found["samples"] >= 2390)
         assert shown["status"] == "FAILURE"
         process.send_signal(signal.SIGTERM)
@@ -88,7 +88,7 @@ def test_a_killed_service_goes_on_and_tells_nothing_twice(tmp_path: Path) -> Non
     assert not kept.contested()
     lines = [json.loads(line) for line in (tmp_path / "records.jsonl").read_text().splitlines()]
     known = {item.id: item.content for item in kept.records()}
-    assert lines
+    assert lines[0]["id"] == next(iter(known))  # told before the last start
     assert all({k: v for k, v in line.items() if k not in {"asset", "id"}} == known[line["id"]] for line in lines)
 
 
