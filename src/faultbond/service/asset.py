@@ -171,6 +171,11 @@ class Asset:
         return self._grid.counts
 
     @property
+    def wild(self) -> int:
+        """How many values were refused as wild, since the log began."""
+        return self._course.found.wild
+
+    @property
     def status(self) -> Status | None:
         """What the method is doing; None before the first sample."""
         return self._trace.status or self._status

@@ -98,7 +98,7 @@ def asset_of(
         "events": [{"text": text, "alarm": alarm} for text, alarm in view.events],
         "ranking": _ranking(graph, history),
         "counts": {
-            **{key: n for key, n in asdict(asset.counts).items() if n},
+            **{key: n for key, n in (asdict(asset.counts) | {"wild": asset.wild}).items() if n},
             **{k: n for k, n in counts.items() if n},
         },
         "journal": journal_of(deeds),

@@ -12,12 +12,13 @@ from faultbond.errors import FaultbondError, ModelError
 from faultbond.io.examples import example
 from faultbond.model.document import read_document
 from faultbond.model.keys import TEXT, Key, Keys
-from faultbond.model.source import Entry, Source, choice, shown
+from faultbond.model.source import Entry, Source, choice, shown, shown_path
 from faultbond.model.spot import Spot
 from faultbond.model.yaml_nodes import read_yaml
 from faultbond.service.sinks.options import KINDS, SinkOptions
 from faultbond.service.sources.opening import topic_filters
 from faultbond.service.sources.options import SourceOptions
+from faultbond.service.web.security import check_hash
 from faultbond.types import TimeGrid
 
 HOST, PORT = "127.0.0.1", 8350
@@ -239,7 +240,7 @@ def _assets(told: Mapping[str, Spot], folder: Path) -> Iterator[SiteAsset]:
         )
         yield SiteAsset(
             name=place.name,
-            plant=_plant(folder / fields["model"].text()),
+            plant=_plant(_model(fields["model"], folder)),
             source=_text(fields, "source", usual),
             accept=accept if own is None else own,
             topic=_text(fields, "topic"),
@@ -248,13 +249,25 @@ def _assets(told: Mapping[str, Spot], folder: Path) -> Iterator[SiteAsset]:
         )
 
 
+def _model(place: Spot, folder: Path) -> Path:
+    """Give the model file of an asset, which is there."""
+    path = folder / place.text()
+    if not path.is_file():
+        raise place.error(f": there is no file {shown_path(str(path))}")
+    return path
+
+
 def _users(listed: Spot) -> Iterator[tuple[str, User]]:
     for place in listed.things("user", checked=False):
         fields = place.fields(USER_KEYS)
         role = fields["role"].text()
         if role not in ROLES:
             raise fields["role"].error(f" `{shown(role)}` is no role; {choice(role, ROLES)}")
-        yield place.name, User(name=place.name, role=role, password=fields["password"].text())
+        try:
+            check_hash(password := fields["password"].text())
+        except FaultbondError:
+            raise fields["password"].error(" is to be a hash, as `faultbond serve --hash` prints it") from None
+        yield place.name, User(name=place.name, role=role, password=password)
 
 
 def _connection(told: Spot, folder: Path) -> Iterator[tuple[str, str]]:

@@ -20,9 +20,11 @@ from faultbond.service.door import refuse_open_door
 from faultbond.service.site import read_site
 from faultbond.service.site_log import AssetPlan, SiteLog
 from faultbond.service.store.opening import open_store
+from faultbond.service.web.security import hashed
 from loop_asset import FOUND, MODEL, plant, rows
 
 FOLDER = Path("examples/service").resolve()
+PLACEHOLDER = "hash, as `faultbond serve --hash` prints it"
 ANALYSE = shutil.which("systemd-analyze")
 
 
@@ -76,15 +78,16 @@ def test_the_container_is_made_of_what_there_is() -> None:
 
 
 def test_the_site_file_is_one(tmp_path: Path) -> None:
-    """But for the model, which is the user's; the door that it asks for is one that may be open."""
+    """But for the model and the password, which are the user's; the door that it asks for is one that may be open."""
     (tmp_path / "models").mkdir()
     (tmp_path / "models" / "tank.yaml").write_text(MODEL.read_text())
     path = tmp_path / "site.yaml"
-    path.write_text((FOLDER / "site.yaml").read_text())
+    text = (FOLDER / "site.yaml").read_text().replace(PLACEHOLDER, hashed("open sesame"))
+    path.write_text(text)
     site = read_site(path)
     assert site.users["anna"].role == "engineer"
     refuse_open_door(site)
-    path.write_text(re.sub(r"  (certificate|key): page.*\n", "", (FOLDER / "site.yaml").read_text()))
+    path.write_text(re.sub(r"  (certificate|key): page.*\n", "", text))
     with pytest.raises(FaultbondError, match="passwords could be read on the way"):
         refuse_open_door(read_site(path))
 

@@ -6,6 +6,7 @@ import pytest
 
 from faultbond.errors import FaultbondError
 from faultbond.service.site import PORT, SIMULATED, read_site, site_of
+from faultbond.service.web.security import hashed
 
 MODEL = Path("examples/rlc/model.yaml").resolve()
 
@@ -33,9 +34,9 @@ assets:
   far: {model: loop.yaml, topic: hall/far, nodes: {V_R: ns=2;s=R}, hold: [V_I]}
 connection: {user: anna, password_file: secret.txt}
 users:
-  anna: {role: operate, password: "scrypt$1"}
+  anna: {role: operate, password: "HASH"}
 """
-    site = read_site(written(tmp_path, text))
+    site = read_site(written(tmp_path, text.replace("HASH", hashed("open sesame"))))
     assert (site.name, site.host, site.port, site.days) == ("hall 7", "0.0.0.0", 9000, 30.0)  # noqa: S104
     assert (site.certificate, site.key) == (str(tmp_path / "page.pem"), str(tmp_path / "page.key"))
     assert (site.names, site.unencrypted) == (("plant.example", "hall"), False)
@@ -68,7 +69,7 @@ def test_little_is_enough(tmp_path: Path) -> None:
         ("assets:\n  a:\n    modle: x\n", "site.yaml:3: asset a: unknown key `modle`; did you mean `model`?"),
         ("assets:\n  a b: {model: loop.yaml}\n", "site.yaml:2: assets: `a b` is not a name"),
         ("assets:\n  a: {source: x}\n", "site.yaml:2: asset a: `model` is missing; write `model: FILE`"),
-        ("assets: {a: {model: no.yaml}}\n", "no.yaml: cannot be read"),
+        ("assets: {a: {model: no.yaml}}\n", "site.yaml:1: asset a: model: there is no file "),
         ("assets: {a: {model: loop.yaml}}\naccept: 2\n", "site.yaml:2: accept is a number from 0.5 to 1, not `2`"),
         (
             "assets: {a: {model: loop.yaml}}\nlisten: {certificate: a.pem}\n",
@@ -94,6 +95,10 @@ def test_little_is_enough(tmp_path: Path) -> None:
         (
             "assets: {a: {model: loop.yaml}}\nusers:\n  b.c@d:\n    role: operator\n    password: x\n",
             "site.yaml:4: user b.c@d: role `operator` is no role; did you mean `operate`?",
+        ),
+        (
+            "assets: {a: {model: loop.yaml}}\nusers:\n  b:\n    role: view\n    password: open sesame\n",
+            "site.yaml:5: user b: password is to be a hash, as `faultbond serve --hash` prints it",
         ),
         ("assets: {a: {model: loop.yaml}}\nusers: b\n", "site.yaml:2: users must be a table"),
         ("assets: [a]\n", "site.yaml:1: assets must be a table `{key: value, ...}`, not a list"),
