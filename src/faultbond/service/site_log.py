@@ -1,5 +1,6 @@
 """All assets of a site at work: rows and deeds go through them in order, and what comes of it into the store."""
 
+import logging
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -15,6 +16,8 @@ from faultbond.service.contract.store import Commit, Enrolment, LogPlace, LogSto
 EVERY = 60.0  # s between two checkpoints of an asset
 
 GiveUp = Callable[[str, Exception], None]
+
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -227,7 +230,10 @@ class SiteLog:
             n_inputs=len(graph.inputs),
             n_outputs=len(graph.sensors),
         )
+        known = any(item.model_sha256 != graph.sha256 for item in self._store.enrolments(plan.name))
         stand = self._store.enrol(enrolment)
+        if known and not stand.rows:
+            _LOG.warning("%s: its model is not that of before; a new log begins, and the old one is kept.", plan.name)
         asset, stand = _begun(plan, stand)
         place = _Place(
             plan=plan,

@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from faultbond.app.plant import find_plant
+from faultbond.app.wishes import Wanted
 from faultbond.errors import StoreError
 from faultbond.service.contract.messages import Action, Arrivals, Deed
 from faultbond.service.contract.store import Commit, LogStore
 from faultbond.service.site_log import AssetPlan, Done, SiteLog
 from faultbond.service.store.opening import open_store
 from faultbond.service.store.relational import RelationalStore
-from loop_asset import FOUND, deed, plant, rows
+from loop_asset import FOUND, MODEL, deed, plant, rows
 from memory_store import MemoryStore
 
 
@@ -239,3 +241,20 @@ def test_it_begins_with_what_is_kept_where_old_rows_are_forgotten_and_no_checkpo
     assert again.assets["loop"].counts.samples == 700
     work(again, arrivals(800, 900))
     assert again.rows("loop") == 900
+
+
+def test_another_model_begins_a_log_and_says_so(
+    stores: tuple[RelationalStore, RelationalStore], caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    """Once; the same model again goes on with its own log, and says nothing."""
+    _, store = stores
+    work(watch(store), arrivals(0, 100))
+    changed = tmp_path / "model.yaml"
+    changed.write_text(MODEL.read_text().replace("R: 20 ohm", "R: 21 ohm"))
+    other = AssetPlan(name="loop", plant=find_plant(changed, Wanted()))
+    log = SiteLog([other], store)
+    assert "loop: its model is not that of before" in caplog.text
+    assert log.rows("loop") == 0
+    caplog.clear()
+    assert watch(store).rows("loop") == 100
+    assert caplog.text == ""
