@@ -31,6 +31,7 @@ GIVES = {  # what each extra is for
     "serve": "the page of `faultbond serve`",
     "mqtt": "its sources and sinks `mqtt://` and `mqtts://`",
     "opcua": "its source and sink `opc.tcp://`",
+    "postgres": "its store in a PostgreSQL server",
 }
 PROBE, ANSWER = "int answer(void) { return 42; }\n", 42
 READING, WATCHING, KEEPING = "reading models", "watching plants", "starting at once"

@@ -22,7 +22,7 @@ from telling import Told
 
 parser = pytest.importorskip("prometheus_client.openmetrics.parser", reason="there is no prometheus_client")
 
-PAGE, BOARD = Path("docs/service.md"), Path("docs/grafana.json")
+PAGE, BOARD = Path("docs/service.md").resolve(), Path("docs/grafana.json").resolve()
 NAME = re.compile(r"\bfaultbond_[a-z_]+")
 LABELS = {"asset", "component", "sink", "version"}
 Numbers = dict[str, list[tuple[dict[str, str], float]]]

@@ -9,7 +9,10 @@ from faultbond.errors import FaultbondError
 from faultbond.service.sinks.opening import is_read, metrics_token, open_sinks
 from faultbond.service.sinks.options import KINDS, SinkOptions
 from faultbond.service.site import Site, read_site
+from faultbond.service.web.security import hashed
 from loop_asset import MODEL
+
+PAGE = Path("docs/service.md").resolve()
 
 
 def site(folder: Path, *lines: str) -> Site:
@@ -131,13 +134,14 @@ def test_a_token_for_metrics_is_there_once(tmp_path: Path) -> None:
 
 def test_the_site_of_the_page_is_one(tmp_path: Path) -> None:
     """Its file can be read as it stands there, and all of its sinks opened."""
-    page = Path("docs/service.md").read_text(encoding="utf-8")
+    page = PAGE.read_text(encoding="utf-8")
     (text,) = [block for block in re.findall(r"```text\n(.*?)```", page, flags=re.S) if "\ntell:" in block]
     for name in ("pump.yaml", "tank.yaml"):
         (tmp_path / name).write_text(MODEL.read_text())
     for name in ("hook.txt", "token.txt"):
         (tmp_path / name).write_text("0123456789abcdef\n")
-    (tmp_path / "site.yaml").write_text(text)
+    assert "scrypt$..." in text
+    (tmp_path / "site.yaml").write_text(text.replace("scrypt$...", hashed("open sesame")))
     found = read_site(tmp_path / "site.yaml")
     assert [sink.name for sink in open_sinks(found.tell, found.topics())] == ["scada", "tickets"]
     assert metrics_token(found.tell) == "0123456789abcdef"
