@@ -13,6 +13,8 @@ import pytest
 # Matrices are small here, and threads would only wait for each other. numpy asks for it when it is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from benchmarks.shared.broker import MOSQUITTO, Mosquitto
+
 from postgres import MISSING, PostgresServer, can_run
 from watching import watch_program
 
@@ -75,3 +77,15 @@ def place(request: pytest.FixtureRequest, tmp_path: Path) -> str:
         return str(tmp_path / "plant.db")
     server: PostgresServer = request.getfixturevalue("postgres")
     return server.url()
+
+
+@pytest.fixture
+def broker(tmp_path: Path) -> Iterator[Mosquitto]:
+    """A broker without a log-in."""
+    if MOSQUITTO is None:
+        pytest.skip("there is no mosquitto")
+    pytest.importorskip("aiomqtt", reason="there is no aiomqtt: pip install 'faultbond[mqtt]'")
+    found = Mosquitto(tmp_path)
+    found.start()
+    yield found
+    found.kill()

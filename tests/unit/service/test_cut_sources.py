@@ -2,13 +2,13 @@
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.shared.broker import MOSQUITTO, Mosquitto
+from benchmarks.shared.broker import Mosquitto
 
 from faultbond.service.contract.face import Shown
 from faultbond.service.sources.opening import open_source
@@ -58,18 +58,6 @@ def assert_whole(played: Played, n_lost: int = 1) -> None:
     np.testing.assert_allclose(found, rows().time[:N])
     assert played.service.asset("loop")["counts"]["source lost"] == n_lost
     assert part_of(played)["restarts"] == 0
-
-
-@pytest.fixture
-def broker(tmp_path: Path) -> Iterator[Mosquitto]:
-    """A broker without a log-in."""
-    if MOSQUITTO is None:
-        pytest.skip("needs the broker mosquitto")
-    pytest.importorskip("aiomqtt", reason="needs aiomqtt: pip install 'faultbond[mqtt]'")
-    found = Mosquitto(tmp_path)
-    found.start()
-    yield found
-    found.kill()
 
 
 async def publish(broker: Mosquitto, first: int, last: int) -> None:

@@ -6,7 +6,7 @@ import math
 import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -26,15 +26,6 @@ aiomqtt = pytest.importorskip("aiomqtt", reason="needs aiomqtt: pip install 'fau
 pytestmark = pytest.mark.skipif(MOSQUITTO is None, reason="needs the broker mosquitto")
 HOLDS = SourceOptions(hold={"one": ("u",)})
 Enough = Callable[[Gathered], bool]
-
-
-@pytest.fixture
-def broker(tmp_path: Path) -> Iterator[Mosquitto]:
-    """A broker without a log-in."""
-    found = Mosquitto(tmp_path)
-    found.start()
-    yield found
-    found.kill()
 
 
 @asynccontextmanager

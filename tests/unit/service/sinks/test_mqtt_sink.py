@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,16 +21,6 @@ pytest.importorskip("aiomqtt", reason="there is no aiomqtt")
 from broker_reader import Reader  # needs it
 
 pytestmark = pytest.mark.skipif(MOSQUITTO is None, reason="there is no mosquitto")
-
-
-@pytest.fixture
-def broker(tmp_path: Path) -> Iterator[Mosquitto]:
-    found = Mosquitto(tmp_path)
-    found.start()
-    try:
-        yield found
-    finally:
-        found.kill()
 
 
 def sink(broker: Mosquitto, **more: Any) -> Sink:

@@ -58,16 +58,6 @@ def ids(receiver: Receiver) -> list[str]:
     return [record["id"] for record in receiver.records()]
 
 
-@pytest.fixture
-def broker(tmp_path: Path) -> Iterator[Mosquitto]:
-    found = Mosquitto(tmp_path)
-    found.start()
-    try:
-        yield found
-    finally:
-        found.kill()
-
-
 @pytest.mark.skipif(MOSQUITTO is None, reason="there is no mosquitto")
 def test_killed_twice_it_tells_each_record_at_least_once_and_never_otherwise(tmp_path: Path, broker: Mosquitto) -> None:
     """To a receiver that fails now and then; and the broker says that it was gone."""
