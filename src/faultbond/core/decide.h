@@ -193,7 +193,6 @@ static int accept(State *state, int64_t hypothesis, int repaired, Candidate *can
     memcpy(state->healthy.lane, memory->plain, sizeof memory->plain);
     if (repaired) renew(state, hypothesis, of_plan, beside, &memory->ranking.given);
     memcpy(state->normal.lane, state->healthy.lane, sizeof state->normal.lane);
-    begin_walks(&state->healthy, state->healthy.lane, row_of(&state->past, last)->time);
     memcpy(row_of(&state->past, last)->lane, state->healthy.lane, sizeof state->normal.lane);
     state->clock.alarm = -1;
     state->clock.accepted = last;
