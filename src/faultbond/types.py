@@ -3,6 +3,7 @@
 from enum import Enum
 
 SURE = 0.95  # probability of a candidate from which a rule accepts it, if nothing else is said
+LOWEST_LEVEL = 0.5  # a diagnosis that is less likely than its opposite is accepted by no rule
 TARGETS = (  # machines that a generated program is built for; the first is the one where it is built
     "native",
     "x86_64-linux-static",

@@ -11,11 +11,10 @@ import numpy as np
 from faultbond.errors import FaultbondError
 from faultbond.io.memory_table import MemoryTable, Recording, table_of
 from faultbond.model.quantities import duration, quantity, spread
-from faultbond.types import SURE, Method
+from faultbond.types import LOWEST_LEVEL, SURE, Method
 
 PathLike: TypeAlias = str | os.PathLike[str]
 QuantityLike: TypeAlias = str | float  # "60 s", or SI
-LOWEST_LEVEL = 0.5  # a diagnosis that is less likely than its opposite is accepted by no rule
 
 
 def recording_of(recording: object) -> Recording:

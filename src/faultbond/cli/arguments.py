@@ -3,7 +3,6 @@
 import argparse
 import os
 from collections.abc import Callable
-from math import nan
 from pathlib import Path
 from typing import Never, TypeAlias
 
@@ -11,6 +10,8 @@ from faultbond import app
 from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
 from faultbond.cli.completion import SHELLS, script
 from faultbond.cli.history import add_period, show_history
+from faultbond.cli.serve import add_site, start_service
+from faultbond.cli.values import level, name_list, part, seed, start, time_span, whole_number
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
 from faultbond.io.out import Out
@@ -20,7 +21,6 @@ DONE, FAULT_DETECTED, NO_VERDICT = 0, 1, 4
 CODES = {Verdict.HEALTHY: DONE, Verdict.FAULT: FAULT_DETECTED, Verdict.NONE: NO_VERDICT}
 ENGINE = "FAULTBOND_ENGINE"
 ENGINES = ("", "auto", "c")  # names that were of use; all mean the compiled one
-LOWEST_LEVEL = 0.5  # a diagnosis that is less likely than its opposite is accepted by no rule
 MAX_CLOSED = 5
 MAX_BUDGET = 1000
 MOST_STARTS = 100
@@ -79,7 +79,7 @@ def _add_check(verbs: Subparsers) -> None:
     add(
         "--promise",
         metavar="TIME",
-        type=_time,
+        type=time_span,
         help="with --data: mean time between false alarms that is wanted (default: that of the model, else '30 day')",
     )
     _add_engine(parser)
@@ -111,12 +111,13 @@ def _add_analyse(verbs: Subparsers) -> None:
     parser = _add_verb(verbs, "analyse", call, summary, example)
     add = parser.add_argument
     add("--data", metavar="REC", help="healthy recording: tell also what its inputs allow to see")
-    add("--within", metavar="TIME", type=_time, help="find the smallest faults within '60 s' (default: 300 samples)")
+    within = "find the smallest faults within '60 s' (default: 300 samples)"
+    add("--within", metavar="TIME", type=time_span, help=within)
     add(
         "--separate",
         metavar="SET",
         nargs="+",
-        type=_names,
+        type=name_list,
         default=[],
         help="find the input that best separates these sets, such as K4 K6,K1 "
         "(default: those alike at rest, or in the recording)",
@@ -124,21 +125,21 @@ def _add_analyse(verbs: Subparsers) -> None:
     add(
         "--closed",
         metavar="N",
-        type=_number("--closed", 0, MAX_CLOSED),
+        type=whole_number("--closed", 0, MAX_CLOSED),
         default=1,
         help="solve sets of up to N parameters in closed form (default: %(default)s; 0 none)",
     )
     add(
         "--patience",
         metavar="TIME",
-        type=_time,
+        type=time_span,
         default=4.0,
         help="time for all closed forms together; one may take a quarter of it (default: 4 s)",
     )
     add(
         "--budget",
         metavar="N",
-        type=_number("--budget", 1, MAX_BUDGET),
+        type=whole_number("--budget", 1, MAX_BUDGET),
         default=1,
         help="N times the usual time for each search, and as many more unknowns for smallest faults (default: "
         "%(default)s)",
@@ -149,7 +150,8 @@ def _add_analyse(verbs: Subparsers) -> None:
         routes.add_argument(option, dest="preference", action="store_const", const=value, help=summary)
     parser.set_defaults(preference="fewest frames")
     add("--code", choices=["python", "c", "latex"], help="print the closed forms as functions, and nothing else")
-    add("--trace", metavar="NAMES", type=_names, help="print the thesis' search for the parameters R,L, step by step")
+    trace = "print the thesis' search for the parameters R,L, step by step"
+    add("--trace", metavar="NAMES", type=name_list, help=trace)
 
 
 def _add_fit(verbs: Subparsers) -> None:
@@ -187,12 +189,12 @@ def _add_fit(verbs: Subparsers) -> None:
         action="store_true",
         help="add what the recordings call for, slow errors, lags, noise, until they are as quiet as promised",
     )
-    add("--fixed", metavar="NAMES", type=_names, default=(), help="parameters that are known: G,K_meter")
-    add("--free", metavar="NAMES", type=_names, help="the only parameters to find (default: all)")
+    add("--fixed", metavar="NAMES", type=name_list, default=(), help="parameters that are known: G,K_meter")
+    add("--free", metavar="NAMES", type=name_list, help="the only parameters to find (default: all)")
     add(
         "--per-recording",
         metavar="NAMES",
-        type=_names,
+        type=name_list,
         default=(),
         help="parameters that each recording has for itself, such as a temperature at its start",
     )
@@ -206,11 +208,11 @@ def _add_fit(verbs: Subparsers) -> None:
     add(
         "--starts",
         metavar="N",
-        type=_number("--starts", 1, MOST_STARTS),
+        type=whole_number("--starts", 1, MOST_STARTS),
         default=4,
         help="begin the search at N places (default: %(default)s)",
     )
-    add("--seed", metavar="N", type=_seed, default=0, help="choose the other places (default: %(default)s)")
+    add("--seed", metavar="N", type=seed, default=0, help="choose the other places (default: %(default)s)")
     _add_engine(parser)
 
 
@@ -246,21 +248,21 @@ def _add_simulate(verbs: Subparsers) -> None:
         "SIGNAL.bias, .gain, .noise or .stuck, such as flow.bias=1.4e-5@1500 or flow.stuck@1500; @TIME..TIME for a "
         "ramp, @TIME,ON/OFF for one that is there for ON and gone for OFF seconds; may be repeated",
     )
-    add("--seed", metavar="N", type=_seed, help="make the noise repeatable")
+    add("--seed", metavar="N", type=seed, help="make the noise repeatable")
     add("--no-noise", action="store_true", help="sensors and inputs show what is, without the noise of the model")
     add(
         "--start",
         metavar="STATE=VALUE",
         action="append",
         default=[],
-        type=_start,
+        type=start,
         help="start of a state, such as 'tank.q=0.05 m^3', SI without a unit; may be repeated (default: that of the "
         "model, else solved from the sensors in REC, else 0)",
     )
     for option, metavar, read, meaning in (
-        ("--spread", "PART", _part, "true parameters are off by up to '3 %%'"),
-        ("--lag", "TIME", _time, "inputs that settle lag behind by '3 s'"),
-        ("--curve", "PART", _part, "inputs in percent act wrongly by up to '3 %%'"),
+        ("--spread", "PART", part, "true parameters are off by up to '3 %%'"),
+        ("--lag", "TIME", time_span, "inputs that settle lag behind by '3 s'"),
+        ("--curve", "PART", part, "inputs in percent act wrongly by up to '3 %%'"),
     ):
         add(option, metavar=metavar, type=read, default=0.0, help=f"{meaning} (default: 0)")
     add("--wander", action="store_true", help="what the model lets wander does so")
@@ -295,7 +297,7 @@ def _add_run(verbs: Subparsers) -> None:
     add(
         "--accept",
         metavar="LEVEL",
-        type=_level,
+        type=level,
         help=f"accept a diagnosis once it has been at least as sure as this, such as 0.99, for a while; auto: {SURE:g}",
     )
     _add_engine(parser)
@@ -367,7 +369,7 @@ def _add_generate(verbs: Subparsers) -> None:
     add(
         "--fmu",
         metavar="VERSION",
-        type=_number("--fmu", 2, 3),
+        type=whole_number("--fmu", 2, 3),
         help="write FILE.fmu: an FMU for co-simulation, by version 2 or 3 of the standard",
     )
     add("--web", action="store_true", help="write FILE.html: a page that plays recordings, without a server or network")
@@ -380,7 +382,7 @@ def _add_generate(verbs: Subparsers) -> None:
     add(
         "--lanes-at-most",
         metavar="N",
-        type=_number("--lanes-at-most", 1, MOST_LANES),
+        type=whole_number("--lanes-at-most", 1, MOST_LANES),
         help="test no more hypotheses than fit in N filters, those of the lowest cost first (default: all)",
     )
     add("--watch-only", action="store_true", help="raise alarms, and name no fault: less memory and code")
@@ -423,38 +425,12 @@ def _add_serve(verbs: Subparsers) -> None:
     """Add `serve`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
-        from faultbond.service.log_lines import LogForm  # noqa: PLC0415 - not all need it
-        from faultbond.service.program import hash_password, serve  # noqa: PLC0415
-        from faultbond.service.site import read_site, site_of  # noqa: PLC0415
-
-        if arguments.hash:
-            hash_password(out)
-            return DONE
-        source, store, port = arguments.source, arguments.store, arguments.port
-        if arguments.site is not None and (arguments.models or source or store or arguments.accept):
-            raise FaultbondError("--site: models, --source, --store and --accept stand in the site file then.")
-        site = (
-            read_site(arguments.site, port=port)
-            if arguments.site is not None
-            else site_of(arguments.models, source=source, store=store, port=port, accept=arguments.accept)
-        )
-        form = None if arguments.log is None else LogForm(arguments.log)
-        serve(site, check=arguments.check, log=form, out=out)
+        start_service(arguments, out)
         return DONE
 
     summary = "watch live sources, keep what happens, and show it to operators on a page"
-    parser = _add_verb(verbs, "serve", call, summary, "faultbond serve model.yaml --source file:live.csv", model=False)
-    add = parser.add_argument
-    add("models", metavar="MODEL", type=Path, nargs="*", help="model file, YAML; none: the built-in water tank")
-    add("--site", metavar="FILE", type=Path, help="YAML file that names assets, models, sources and users instead")
-    add("--source", metavar="ADDRESS", help="where values come from, such as file:live.csv or - (default: sim:)")
-    add("--store", metavar="STORE", help="file or postgresql:// address where all is kept (default: faultbond.sqlite)")
-    add("--port", metavar="N", type=_number("--port", 0, 65535), help="port of the page (default: 8350); 0: any")
-    add("--accept", metavar="LEVEL", type=_level, help="as of `run`")
-    forms = "how standard error is written: plain, journal or json (default: as it suits that)"
-    add("--log", metavar="FORM", choices=["plain", "journal", "json"], help=forms)
-    add("--check", action="store_true", help="only say what would be watched, and whether it can be")
-    add("--hash", action="store_true", help="ask for a password, and print its hash for the site file")
+    example = "faultbond serve model.yaml --source file:live.csv"
+    add_site(_add_verb(verbs, "serve", call, summary, example, model=False))
 
 
 def _add_history(verbs: Subparsers) -> None:
@@ -524,77 +500,3 @@ def _engine(name: str) -> str:
     if name not in ENGINES:
         raise FaultbondError(f"{name}: no such engine; leave out --engine and {ENGINE}: there is one engine.")
     return name
-
-
-def _names(text: str) -> tuple[str, ...]:
-    """Read names with commas between."""
-    names = tuple(part.strip() for part in text.split(","))
-    if not all(names):
-        raise FaultbondError(f"{text!r}: expected names with commas between, such as R,L")
-    if len(set(names)) < len(names):
-        raise FaultbondError(f"{text!r}: a name stands there twice; give each once")
-    return names
-
-
-def _number(option: str, least: int, most: int) -> Callable[[str], int]:
-    """Give the function that reads a whole number between two others."""
-
-    def read(text: str) -> int:
-        if not (text.isascii() and text.isdigit() and least <= int(text) <= most):
-            raise FaultbondError(f"{option} {text}: expected a whole number from {least} to {most}")
-        return int(text)
-
-    return read
-
-
-def _seed(text: str) -> int:
-    """Read a whole number that is not negative."""
-    try:
-        value = int(text)
-    except ValueError:
-        value = -1
-    if value < 0:
-        raise FaultbondError(f"--seed {text}: expected a whole number from 0, such as 1")
-    return value
-
-
-def _time(text: str) -> float:
-    """Read a duration, s."""
-    from faultbond.model.quantities import duration  # noqa: PLC0415 - loads what reads units; `run` needs none
-
-    return duration(text)
-
-
-def _start(text: str) -> tuple[str, float]:
-    """Read the start of a state; SI."""
-    from faultbond.model.quantities import quantity  # noqa: PLC0415
-
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise FaultbondError(f"--start {text!r}: expected STATE=VALUE, such as 'tank.q=0.05 m^3'.")
-    return name.strip(), quantity(value, f"--start {text!r}: ").value
-
-
-def _part(text: str) -> float:
-    """Read a percentage as a part of 1."""
-    from faultbond.model.quantities import spread  # noqa: PLC0415
-
-    found = spread(text)
-    if not found.is_relative:
-        raise FaultbondError(f"{text!r} is no percentage. Write it as in --spread '3 %'.")
-    return found.ratio
-
-
-def _level(text: str) -> float:
-    """Read a probability from which a diagnosis is accepted."""
-    if text == "auto":
-        return SURE
-    try:
-        value = float(text)
-    except ValueError:
-        value = nan
-    if not LOWEST_LEVEL <= value <= 1.0:
-        raise FaultbondError(
-            f"--accept {text}: expected auto, or a probability from {LOWEST_LEVEL:g} to 1, such as 0.99"
-        )
-    return value

@@ -2,13 +2,10 @@
 
 import argparse
 from contextlib import closing
-from math import isnan
 from pathlib import Path
 
-from faultbond.errors import FaultbondError
+from faultbond.cli.values import moment
 from faultbond.io.out import Out
-from faultbond.io.times import moment_of
-from faultbond.model.graph import Unit
 
 
 def add_period(parser: argparse.ArgumentParser) -> None:
@@ -30,17 +27,3 @@ def show_history(arguments: argparse.Namespace, out: Out) -> None:
     wanted = Excerpt(asset=arguments.asset, begin=arguments.begin, end=arguments.end)
     with closing(open_store(arguments.kept, writes=False)) as store:
         tell_history(store, wanted, output=arguments.output, out=out)
-
-
-def moment(text: str) -> float:
-    """Read a moment of a recording's clock, s.
-
-    Raises
-    ------
-    FaultbondError
-        Where it is none.
-    """
-    found = moment_of(text, Unit("s"))
-    if isnan(found):
-        raise FaultbondError(f"{text!r}: expected seconds, or a time such as 2026-11-23T14:00:00, which is UTC.")
-    return found

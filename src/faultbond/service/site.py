@@ -19,7 +19,7 @@ from faultbond.service.sinks.options import KINDS, SinkOptions
 from faultbond.service.sources.opening import topic_filters
 from faultbond.service.sources.options import SourceOptions
 from faultbond.service.web.security import check_hash
-from faultbond.types import TimeGrid
+from faultbond.types import LOWEST_LEVEL, TimeGrid
 
 HOST, PORT = "127.0.0.1", 8350
 STORE = Path("faultbond.sqlite")
@@ -229,10 +229,10 @@ def _assets(told: Mapping[str, Spot], folder: Path) -> Iterator[SiteAsset]:
     """Read the assets; what one does not say is what the site says."""
     if not told["assets"].entries():
         raise told["assets"].error(f" are none; {ASSETS}")
-    usual, accept = _text(told, "source", SIMULATED), _number(told, "accept", 0.5, 1.0)
+    usual, accept = _text(told, "source", SIMULATED), _number(told, "accept", LOWEST_LEVEL, 1.0)
     for place in told["assets"].things("asset"):
         fields = place.fields(ASSET_KEYS)
-        own = _number(fields, "accept", 0.5, 1.0)
+        own = _number(fields, "accept", LOWEST_LEVEL, 1.0)
         nodes = (
             {entry.name: entry.text() for entry in fields["nodes"].things("node", checked=False)}
             if "nodes" in fields

@@ -12,7 +12,7 @@ class SinkOptions:
     name: what the site calls it. to: its address. where: start of a message about it, with file and line. kinds: of
     records. user, password_file, authority, certificate, key: names and files of the log-in. token_file: what a program
     shows that asks, or is told; secret_file: what messages are signed with. give_up: s without success after which a
-    record that cannot be told is passed over; None: never. unencrypted: OPC UA, whether others may read along.
+    record that cannot be told is passed over; None: never.
     """
 
     name: str

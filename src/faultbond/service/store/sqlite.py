@@ -203,22 +203,25 @@ class SqliteDatabase:
             self._lock = None
 
     def _opened(self) -> sqlite3.Connection:
-        place = f"file:{quote(str(self._path.absolute()))}"
-        beside = self._path.with_name(f"{self._path.name}-wal")
-        modes = ["mode=rwc"] if self.writes else ["mode=ro"] if beside.exists() else ["mode=ro", "immutable=1"]
-        for mode in modes:  # the last one where the folder cannot be written, and nobody writes the store
-            found = sqlite3.connect(
-                f"{place}?{mode}", uri=True, timeout=WAIT, isolation_level=None, check_same_thread=False
-            )
-            try:
-                found.execute("SELECT count(*) FROM sqlite_master").fetchone()
-            except sqlite3.Error as error:
-                found.close()
-                if mode == modes[-1] or not str(getattr(error, "sqlite_errorname", "")).startswith("SQLITE_CANTOPEN"):
-                    raise
-            else:
-                return found
-        raise NotImplementedError("there is a last mode")
+        if self.writes:
+            return self._tried("mode=rwc")
+        try:
+            return self._tried("mode=ro")
+        except sqlite3.Error as error:
+            is_forbidden = str(getattr(error, "sqlite_errorname", "")).startswith("SQLITE_CANTOPEN")
+            if not is_forbidden or self._path.with_name(f"{self._path.name}-wal").exists():
+                raise
+        return self._tried("mode=ro&immutable=1")  # its folder cannot be written, and nobody writes the store
+
+    def _tried(self, mode: str) -> sqlite3.Connection:
+        place = f"file:{quote(str(self._path.absolute()))}?{mode}"
+        found = sqlite3.connect(place, uri=True, timeout=WAIT, isolation_level=None, check_same_thread=False)
+        try:
+            found.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        except sqlite3.Error:
+            found.close()
+            raise
+        return found
 
     def _know(self) -> None:
         """Make the tables of a new file, and refuse what is no store of this format."""
