@@ -83,7 +83,7 @@ def candidate(name: str) -> Candidate:
 
 
 def test_a_parameter_is_as_declared() -> None:
-    """Its factor is 1 and its sd the accuracy, nothing else is known by it, and no other parameter has moved."""
+    """Its factor is 1 and its sd the accuracy, and nothing else is known by it; the states are where they were."""
     chosen, spec = candidate("K"), alarmed().spec
     mended, taken = alarmed().copy(), alarmed().copy()
     assert repr(mended.accept(chosen.hypothesis, repaired=True).suspects) == repr(chosen.suspects)  # nan is no nan
@@ -95,10 +95,31 @@ def test_a_parameter_is_as_declared() -> None:
     covariance, before = (unpack(spec, item[spec.covariance_slice]) for item in (lane, other))
     assert covariance[k, k] == pytest.approx(0.03**2)
     assert np.count_nonzero(covariance[k]) == 1
-    rest = np.arange(spec.n_joint) != k
-    assert np.array_equal(covariance[np.ix_(rest, rest)], before[np.ix_(rest, rest)])
-    assert np.array_equal(lane[: spec.n_joint][rest], other[: spec.n_joint][rest])
+    states = slice(0, spec.parameter_slice.start)
+    assert np.array_equal(covariance[states, states], before[states, states])
+    assert np.array_equal(lane[states], other[states])
     assert np.array_equal(mended.numbers("normal.lane"), lane)
+
+
+def test_the_other_parameters_are_as_they_were_known_before_the_fault() -> None:
+    """What they learned while the fault was there, or thought to be there still, is forgotten; but not where one drifts to."""
+    chosen, spec, names = candidate("K").hypothesis, alarmed().spec, [item.name for item in alarmed().spec.parameters]
+    before = alarmed().numbers("bank.healthy")
+    mended = alarmed().copy()
+    mended.accept(chosen, repaired=True)
+    lane, rest = mended.numbers("healthy.lane"), np.array([name != "K" for name in names])
+    known, was = (unpack(spec, item[spec.covariance_slice]) for item in (lane, before))
+    learned, taken = np.flatnonzero(rest) + spec.parameter_slice.start, alarmed().copy()
+    assert np.array_equal(lane[learned], before[learned])
+    assert np.array_equal(known[np.ix_(learned, learned)], was[np.ix_(learned, learned)])
+    taken.accept(chosen)
+    assert not np.any(lane[learned] == taken.numbers("healthy.lane")[learned])
+
+    drifting = changed(alarmed(), **{"normal.rates": np.where(np.arange(len(names)) == names.index("J"), 1e-6, 0.0)})
+    drifting.accept(chosen, repaired=True)
+    j, found = spec.parameter_slice.start + names.index("J"), drifting.numbers("healthy.lane")
+    assert found[j] == taken.numbers("healthy.lane")[j]
+    assert np.count_nonzero(unpack(spec, found[spec.covariance_slice])[j]) == 1
 
 
 def test_an_instrument_is_believed_again() -> None:

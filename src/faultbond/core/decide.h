@@ -163,12 +163,34 @@ static void renew_instrument(State *state, int64_t slot)
     }
 }
 
+/* Parameters are again as they were known before the fault, and slow errors begin anew. What they have learned since holds with
+   the fault only: until somebody says that it was repaired, they made up for it that it was not there any more. One that moves by
+   itself goes on from where it is. */
+static void forget_fault(State *state)
+{
+    double *lane = state->healthy.lane, moving[FB_ROOM(N_PARAMETERS)][2];
+    for (int k = 0; k < N_PARAMETERS; k++) {
+        moving[k][0] = lane[AT_PARAMETERS + k];
+        moving[k][1] = lane[PLAIN_PLACE(AT_PARAMETERS + k, AT_PARAMETERS + k)];
+    }
+    unlearned(lane, state->bank.healthy, lane);
+    forget_slow_errors(lane);
+    for (int k = 0; k < N_PARAMETERS; k++) {
+        const int i = AT_PARAMETERS + k;
+        if (state->normal.rates[k] == 0.0) continue;
+        for (int j = 0; j < PLAIN_JOINT; j++) lane[plain_place(i, j)] = 0.0;
+        lane[i] = moving[k][0];
+        lane[PLAIN_PLACE(i, i)] = moving[k][1];
+    }
+}
+
 /* What was at fault has been repaired: parameters, or the sensors or inputs of two lanes of the plan (-1: none), are as declared.
    The plant was handled meanwhile, so that its states may be elsewhere. */
 static void renew(State *state, int64_t hypothesis, int64_t slot, int64_t beside, Given *given)
 {
     const int *members;
     const int n = members_of(hypothesis, &members);
+    forget_fault(state);
     for (int i = 0; i < n; i++) renew_parameter(state, members + i, n - i, given);
     renew_instrument(state, slot);
     renew_instrument(state, beside);
@@ -193,6 +215,7 @@ static int accept(State *state, int64_t hypothesis, int repaired, Candidate *can
     memcpy(state->healthy.lane, memory->plain, sizeof memory->plain);
     if (repaired) renew(state, hypothesis, of_plan, beside, &memory->ranking.given);
     memcpy(state->normal.lane, state->healthy.lane, sizeof state->normal.lane);
+    begin_walks(&state->healthy, state->healthy.lane, row_of(&state->past, last)->time);
     memcpy(row_of(&state->past, last)->lane, state->healthy.lane, sizeof state->normal.lane);
     state->clock.alarm = -1;
     state->clock.accepted = last;

@@ -36,6 +36,13 @@ static double beginning(const Sensors *sensors, int j)
     return first;
 }
 
+/* Judge from now on how far parameters are from where a lane has them, which begins at a time. */
+static void begin_walks(Healthy *healthy, const double *lane, double time)
+{
+    memcpy(healthy->snapshots[AT_START], lane, PLAIN_NUMBERS * sizeof *lane);
+    healthy->snapshots[AT_START][KEPT_TIME] = time;
+}
+
 /* Note the walk that raised an alarm; gives the sample at which it began, by its window. */
 static int64_t note_walk(const State *state, Alarm *found)
 {

@@ -19,6 +19,7 @@
 #define WALK_USUAL 4.0       /* square of a walk over the first window that counts as usual before any was seen, */
 #define WALK_TRUST 10.0      /* for as much as so many windows; the same of what one window says for the next */
 #define WALK_MOST 16.0       /* part of the usual square that one window may add */
+#define AS_DECLARED 1e-3     /* part by which a variance that is as declared may be off that, of rounding */
 #define WALK_LEAST 0.02      /* part of its variance that a parameter may walk in any case */
 #define WALK_PIVOT 1e-3      /* part of its variance that of a parameter beside the others has to be for it to be judged there */
 #define WALK_SETTLES 200     /* samples after the start, or a diagnosis that was accepted, from which on lanes are kept */

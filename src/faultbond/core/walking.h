@@ -128,13 +128,16 @@ static inline void judge_window(Healthy *healthy, int window, const real *old, c
 }
 
 /* Judge how far parameter k is from where it started. Its true value lies off by its accuracy, of which it has found the part
-   1 - r, where r of its variance is left; and it walks about that as it is usual. */
-static inline void judge_start(Healthy *healthy, int k, flag counts)
+   1 - r, where r of its variance is left; and it walks about that as it is usual. After a diagnosis was accepted only what was
+   known just as declared then is judged, such as what was repaired: what a lane has found may be off by more than it says. */
+static inline void judge_start(Healthy *healthy, int k, flag first, flag counts)
 {
+    const double declared = ACCURACY[k] * ACCURACY[k];
     const real *start = healthy->snapshots[AT_START];
     const real before = own_variance(start, k), left = own_variance(healthy->lane, k);
     const real moved = own_value(healthy->lane, k) - own_value(start, k);
-    const flag judged = counts & (before > 0.0);
+    const flag as_declared = (before > (1.0 - AS_DECLARED) * declared) & (before < (1.0 + AS_DECLARED) * declared);
+    const flag judged = counts & (before > 0.0) & (first | as_declared);
     const real r = left / PICK(judged, before, SAME(1.0)), found = greater(1.0 - r, SAME(WALK_LEAST));
     const real usual = greater(usual_walk(healthy, WALKS - 1, k), SAME(1.0));
     const real sd = ROOT(PICK(judged, before, SAME(1.0)) * found * (found + usual * r));
@@ -152,7 +155,8 @@ static inline void judge_walks(int64_t index, const Clock *clock, const Inputs *
     healthy->walk = healthy->walker = SAME(0.0);
     if (index % WALK_EVERY != 0) return;
     const real from = walks_from(clock, healthy);
-    const flag from_start = (clock->accepted < 0) & (healthy->blind <= AS_REAL(clock->begun));
+    const flag first = clock->accepted < 0;
+    const flag from_start = healthy->blind <= greater(AS_REAL(clock->begun), AS_REAL(clock->accepted));
     for (int window = 0; window < WALKS; window++) {
         const int64_t length = length_of_walk(window), number = compared_with(index, length);
         if (number < 0) break;
@@ -162,7 +166,7 @@ static inline void judge_walks(int64_t index, const Clock *clock, const Inputs *
         judge_window(healthy, window, healthy->snapshots[kept_at(window, number)], rates, weight, counts, matrix);
     }
     for (int k = 0; k < N_PARAMETERS; k++)
-        judge_start(healthy, k, watched & from_start & (SAME((double)index) >= from));
+        judge_start(healthy, k, first, watched & from_start & (SAME((double)index) >= from));
 }
 
 /* Keep the healthy lane for long, where it is time to, of plants that `may`. At an alarm by a walk the lane with which it was

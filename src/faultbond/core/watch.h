@@ -219,8 +219,7 @@ static void gather(State *state, Report *report, Work *work)
     const int64_t wild = begin(state, count, known, again, work->gathered, work->mean, work->covariance, &work->start,
                                &work->filters.plain);
     healthy_lane(work->mean, work->covariance, AT_SLOT, known, work->lane);
-    memcpy(state->healthy.snapshots[AT_START], work->lane, sizeof work->lane);
-    state->healthy.snapshots[AT_START][KEPT_TIME] = row_of(&state->past, clock->begun)->time;
+    begin_walks(&state->healthy, work->lane, row_of(&state->past, clock->begun)->time);
     begin_shown(&state->sensors);
     for (int64_t k = 0; k < count; k++) {
         Row *row = row_of(&state->past, clock->index - count + 1 + k);

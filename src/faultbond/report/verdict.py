@@ -228,10 +228,11 @@ def _walk_sentence(detection: Detection, walk: Walk) -> str:
     """Say that the healthy filter had to follow a parameter too far."""
     named = f"{walk.parameter} and others, which" if walk.together else f"{walk.parameter}, which"
     told = f"Fault detected at {clock_text(detection.time)}, by {named} the healthy model had to move"
+    began = clock_text(detection.change_time)
     if walk.from_start:
-        return f"{told} {walk.sd:.1f} times as far as its accuracy: it was there from the first sample."
+        return f"{told} {walk.sd:.1f} times as far as its accuracy: it was there from {began} on."
     return (
-        f"{told} {walk.sd:.1f} times as far as is usual; it began after {clock_text(detection.change_time)}, "
+        f"{told} {walk.sd:.1f} times as far as is usual; it began after {began}, "
         "too slowly for the sensors to show it at once."
     )
 

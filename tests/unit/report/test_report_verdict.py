@@ -192,7 +192,7 @@ def test_alarm_names_signal_onset_and_delay(history: History) -> None:
 
 
 def test_alarm_by_a_walk_names_the_parameter(history: History) -> None:
-    """And whether it was there from the first sample."""
+    """And from when on it was there."""
     alarm = replace(history.detections[0], walk=Walk(parameter="K1", sd=8.04, from_start=False))
     text = detection_sentence(alarm)
     assert text.startswith(
@@ -200,7 +200,7 @@ def test_alarm_by_a_walk_names_the_parameter(history: History) -> None:
     )
     assert "it began after 609 s" in text
     first = detection_sentence(replace(alarm, walk=Walk(parameter="K1", sd=3.6, from_start=True)))
-    assert first.endswith("3.6 times as far as its accuracy: it was there from the first sample.")
+    assert first.endswith("3.6 times as far as its accuracy: it was there from 609 s on.")
     all_ = detection_sentence(replace(alarm, walk=Walk(parameter="K1", sd=3.4, from_start=False, together=True)))
     assert "by K1 and others, which the healthy model had to move 3.4 times as far as is usual;" in all_
 

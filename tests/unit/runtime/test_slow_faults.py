@@ -58,6 +58,20 @@ def test_a_fault_from_the_first_sample_is_found_and_named(seed: int) -> None:
     assert suspect.estimate / suspect.nominal == pytest.approx(1.3, abs=0.1)
 
 
+def test_what_was_not_repaired_is_found_again() -> None:
+    """An inertia that is called repaired is judged anew from then on, as from the first sample."""
+    seed = 11  # of which no sum alarms first
+    monitor, alarm = watched(1.3, seed)
+    assert alarm is not None
+    began = motor(1.3, seed)[-1].time
+    monitor.accept(find_hypothesis(monitor.spec, ["J"]), repaired=True)
+    later = [replace(item, time=item.time + ROWS * 0.02) for item in motor(1.3, seed)]
+    again = next((found for item in later if (found := monitor.step(item).detection) is not None), None)
+    assert again is not None
+    assert again.walk is not None
+    assert (again.walk.parameter, again.walk.from_start, again.change_time) == ("J", True, began)
+
+
 @pytest.mark.parametrize("seed", [11, 12])
 def test_what_was_accepted_is_judged_by_what_was_found(seed: int) -> None:
     """A plant that stays as it was accepted is quiet, though it is far from what the model file says."""
