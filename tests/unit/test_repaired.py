@@ -102,7 +102,7 @@ def test_a_parameter_is_as_declared() -> None:
 
 
 def test_the_other_parameters_are_as_they_were_known_before_the_fault() -> None:
-    """What they learned while the fault was there, or thought to be there still, is forgotten; but not where one drifts to."""
+    """What they learned with the fault, or when it was gone already, is forgotten; but not where one drifts to."""
     chosen, spec, names = candidate("K").hypothesis, alarmed().spec, [item.name for item in alarmed().spec.parameters]
     before = alarmed().numbers("bank.healthy")
     mended = alarmed().copy()
