@@ -55,6 +55,7 @@ def take() -> None:
         browser = played.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         picture(browser, "", "service_phone.png", width=390, height=430, scheme="dark")
         picture(browser, "#/tank", "service.png", width=1280, height=1440, scheme="light")
+        bring(browser, "service_offline.png")
         browser.close()
 
 
@@ -63,6 +64,20 @@ def picture(browser: Any, place: str, name: str, *, width: int, height: int, sch
     page = browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
     page.goto(f"http://127.0.0.1:{PORT}/{place}")
     page.wait_for_timeout(3000)  # plots draw themselves
+    page.screenshot(path=Path(__file__).parent / name)
+    page.close()
+
+
+def bring(browser: Any, name: str) -> None:
+    """Have two recordings analysed, and take a picture once one of them is."""
+    page = browser.new_page(viewport={"width": 1280, "height": 700})
+    page.goto(f"http://127.0.0.1:{PORT}/#offline")
+    for recording in (RECORDING, "examples/tank/healthy.csv"):
+        page.set_input_files("#desk-recording", ROOT / recording)
+        page.click("form button[type=submit]")
+        page.wait_for_selector(f".job-name:text-is('{Path(recording).name}')")
+    page.wait_for_selector(".job-candidates", timeout=120_000)
+    page.click(".told button")
     page.screenshot(path=Path(__file__).parent / name)
     page.close()
 

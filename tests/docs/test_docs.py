@@ -70,6 +70,7 @@ RECORDS = {
     "doctor": "version python platform compiler cache works checks group name state told advice",
     "completion": "shell text",
     "deed": "asset number at who action target comment until undone rows",
+    "audit": "number at who what about id name kind size sha256 job asset files of state",
     "history": "asset output model",
     "generate": "model output target files watch_only lanes state_bytes work_bytes saved_bytes test_fault",
     "fmu": "model output fmi token platform files watch_only",

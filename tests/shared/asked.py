@@ -6,9 +6,12 @@ from typing import Any
 
 import httpx
 
+from fake_desk import FakeDesk
 from fake_face import FakeFace
-from faultbond.service.web.application import COOKIE, TOKEN, application
+from faultbond.service.web.application import application
+from faultbond.service.web.route_parts import COOKIE, TOKEN
 from faultbond.service.web.security import Guard, Role
+from faultbond.service.web.shapes import RefusalShape
 
 LONGEST = 30.0  # s
 PASSWORDS = {
@@ -24,7 +27,8 @@ class Asked:
     def __init__(self, face: FakeFace, guard: Guard) -> None:
         self.face = face
         self.guard = guard
-        self.app = application(face, guard)
+        self.desk = FakeDesk()
+        self.app = application(face, guard, desk=self.desk)
         self.cookies: dict[str, str] = {}
         self.token: str | None = None
 
@@ -53,6 +57,15 @@ class Asked:
     def do(self, asset: str = "tank_2", headers: Mapping[str, str] | None = None, **deed: Any) -> Any:
         """Do something about an asset."""
         return self("POST", f"/api/v1/assets/{asset}/deeds", headers=headers, json=deed)
+
+
+def is_refused(answer: Any, status: int, text: str = "") -> bool:
+    """Whether an answer is a refusal in the one shape, with a sentence that has a text."""
+    told = answer.json()
+    shape = RefusalShape.model_validate(told, strict=True)
+    return (
+        set(told) == {"ok", "error", "status"} and answer.status_code == shape.status == status and text in shape.error
+    )
 
 
 def run(work: Awaitable[Any]) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 
 from faultbond.errors import StoreError
 from faultbond.io.row_block import Row, RowBlock, block_of_rows
-from faultbond.service.contract.messages import Curves, Deed, NamedRecord
+from faultbond.service.contract.messages import AuditEntry, Curves, Deed, NamedRecord
 from faultbond.service.contract.store import Commit, Enrolment, LogPlace
 from faultbond.service.store.peaks import thinned
 
@@ -41,6 +41,7 @@ class MemoryStore:
         self.came: list[tuple[NamedRecord | Deed, float]] = []
         self.contested: list[tuple[str, object]] = []
         self.places: dict[str, int] = {}
+        self.noted: list[AuditEntry] = []
 
     def enrol(self, enrolment: Enrolment) -> LogPlace:
         key = (enrolment.asset, enrolment.model_sha256)
@@ -145,6 +146,12 @@ class MemoryStore:
         found = [item for item in self.journal(asset, begin=begin, end=end) if isinstance(item, NamedRecord)]
         found = [item for item in found if not kinds or item.kind in kinds]
         return iter(found if newest is None else found[len(found) - min(newest, len(found)) :])
+
+    def note(self, entry: AuditEntry) -> None:
+        self.noted.append(replace(entry, about=json.loads(json.dumps(dict(entry.about))), number=len(self.noted) + 1))
+
+    def audit(self) -> Iterator[AuditEntry]:
+        return iter(self.noted)
 
     def reader(self, name: str) -> tuple[int, int]:
         newest = len(list(self.records()))

@@ -95,6 +95,7 @@ class Played:
         hear: Callable[[object], None] | None = None,
         steady: Callable[[], float] | None = None,
         opened: Callable[[str, Sequence[Subscriber]], LiveSource] | None = None,
+        more: Mapping[str, Any] | None = None,
         **source: Any,
     ) -> None:
         self.clock, self.steady = Clock(TODAY), Clock()
@@ -102,7 +103,7 @@ class Played:
         self._said, self.source = source, PlayedSource(self.clock, ())
         opened = self._opened if opened is None else opened
         listed = tuple(SiteAsset(name=name, plant=plant(), source="played:") for name in assets)
-        site = Site(name="hall", assets=listed)
+        site = Site(name="hall", assets=listed, **(more or {}))
         self.service = Service(
             site,
             self.store,

@@ -28,7 +28,7 @@ from faultbond.model.document import ModelDocument
 from faultbond.model.graph import BondGraph, Input, Sensor, Unit
 from faultbond.model.text import parse_model
 from faultbond.report.numbers import clock_text, probability_text
-from faultbond.service.contract.messages import DECISIONS, Action, Deed, NamedRecord
+from faultbond.service.contract.messages import DECISIONS, Action, AuditEntry, Deed, NamedRecord
 from faultbond.service.contract.store import Enrolment, LogStore
 from faultbond.service.store.chunks import joined_rows
 
@@ -66,6 +66,8 @@ def tell_history(store: LogStore, wanted: Excerpt, *, output: Path | None, out: 
     assets = _assets(store, wanted.asset)
     if output is None:
         _list(store.journal(wanted.asset, begin=wanted.begin, end=wanted.end), out)
+        if wanted == Excerpt():  # it is about no asset, and about no moment of a recording
+            _list_audit(store.audit(), out)
         return
     if output.suffix.lower() not in (".csv", *PARQUET, *PAGE):
         raise FaultbondError(f"{output}: what to write is told by the name's ending: {KINDS_OF_FILES}.")
@@ -97,6 +99,19 @@ def _list(journal: Iterable[NamedRecord | Deed], out: Out) -> None:
         if not isinstance(item, NamedRecord) or is_news:
             out.say(line_of(item))
         out.record(record_of(item))
+
+
+def _list_audit(entries: Iterable[AuditEntry], out: Out) -> None:
+    """Tell what people did that is about no asset."""
+    for item in entries:
+        about = ", ".join(f"{key} {_plain(value)}" for key, value in item.about.items() if value not in ("", []))
+        out.say(f"{clock_text(item.at)}  audit {item.number}, {item.who}: {item.what}, {about}")
+        told = {"number": item.number, "at": item.at, "who": item.who, "what": item.what, "about": dict(item.about)}
+        out.record({"record": "audit", **told})
+
+
+def _plain(value: object) -> str:
+    return " ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 def line_of(item: NamedRecord | Deed) -> str:

@@ -144,7 +144,9 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
             sinks=open_sinks(site.tell, site.topics()),
         )
         names = {*LOOPBACK, site.host, *site.names, *(certificate.names if certificate else ())}
-        page = application(service, _guard(site), hosts=names, metrics_token=metrics_token(site.tell))
+        page = application(
+            service, _guard(site), hosts=names, metrics_token=metrics_token(site.tell), desk=service.desk
+        )
         server = uvicorn.Server(
             uvicorn.Config(
                 page,

@@ -15,7 +15,10 @@ from faultbond.model.keys import TEXT, Key, Keys
 from faultbond.model.source import Entry, Source, choice, shown, shown_path
 from faultbond.model.spot import Spot
 from faultbond.model.yaml_nodes import read_yaml
+from faultbond.service.offline.limits import OfflineLimits
 from faultbond.service.sinks.options import KINDS, SinkOptions
+from faultbond.service.site_numbers import read_number, read_size
+from faultbond.service.site_offline import read_limits
 from faultbond.service.sources.opening import topic_filters
 from faultbond.service.sources.options import SourceOptions
 from faultbond.service.web.security import check_hash
@@ -25,6 +28,7 @@ HOST, PORT = "127.0.0.1", 8350
 STORE = Path("faultbond.sqlite")
 SIMULATED = "sim:"
 SHOWN = "sim:?speed=5&fault=K1=x1.85@300"  # of the built-in plant: after a minute, when much flows through the pipe
+LEAST_STORE = 10**7  # bytes of a store that is bounded: what is never forgotten has to fit, too
 ROLES = ("view", "operate", "engineer")
 
 ASSETS = "write `assets: {NAME: {model: FILE}}`"
@@ -40,7 +44,8 @@ SITE_KEYS = Keys(
         "assets": Key({}, missing=ASSETS),
         "users": Key({}, "who may log in"),
         "tell": Key({}, "whom the service tells what it finds"),
-        "keep": Key({}, "for how many `days` rows and curves are kept"),
+        "keep": Key({}, "for how many `days`, and in how much room, rows and curves are kept"),
+        "offline": Key({}, "limits of analyses of what people bring; `no`: there are none"),
     }
 )
 LISTEN_KEYS = Keys(
@@ -53,7 +58,7 @@ LISTEN_KEYS = Keys(
         "unencrypted": Key({}, "`yes`: others may come without TLS, as where a proxy that has it stands before"),
     }
 )
-KEEP_KEYS = Keys({"days": Key({})})
+KEEP_KEYS = Keys({"days": Key({}), "size": Key({}, "of the store, from which on the oldest go")})
 CONNECTION_KEYS = Keys(
     {"user": Key(TEXT)}
     | dict.fromkeys(("password_file", "authority", "certificate", "key", "server_certificate"), _FILE)
@@ -119,8 +124,10 @@ class Site:
 
     store: file, or address of a database. certificate, key: files for TLS of the page; empty: there is none. names:
     under which it is asked beside its address. unencrypted: whether others may come without TLS. days: for how long
-    rows and curves are kept; None: for ever. users: none: whoever sits at this machine is an engineer. connection:
-    names and files of the log-in at sources, as the fields of `SourceOptions`. tell: whom it tells.
+    rows and curves are kept; None: for ever. size: bytes of the store from which on the oldest of them go; None: it has
+    no bound. users: none: whoever sits at this machine is an engineer. connection: names and files of the log-in at
+    sources, as the fields of `SourceOptions`. tell: whom it tells. offline: limits of analyses of what people bring;
+    None: there are none.
     """
 
     name: str
@@ -133,10 +140,11 @@ class Site:
     names: tuple[str, ...] = ()
     unencrypted: bool = False
     days: float | None = None
+    size: int | None = None
     users: Mapping[str, User] = field(default_factory=lambda: MappingProxyType({}))
     connection: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-
     tell: tuple[SinkOptions, ...] = ()
+    offline: OfflineLimits | None = None
 
     def options(self, address: str) -> SourceOptions:
         """Give what is said of a source beside its address."""
@@ -179,7 +187,14 @@ def site_of(
         usual = SIMULATED if models else SHOWN
         assets.append(SiteAsset(name=name, plant=_plant(path), source=source or usual, accept=accept))
     names = ", ".join(item.name for item in assets)
-    return Site(name=names, assets=tuple(assets), store=store or str(STORE), port=PORT if port is None else port)
+    kept = store or str(STORE)
+    return Site(
+        name=names,
+        assets=tuple(assets),
+        store=kept,
+        port=PORT if port is None else port,
+        offline=OfflineLimits(folder=_offline_folder(Path(), kept)),
+    )
 
 
 def read_site(path: Path, *, port: int | None = None) -> Site:
@@ -195,18 +210,22 @@ def read_site(path: Path, *, port: int | None = None) -> Site:
     told = Spot(source, "site", Entry("", read_yaml(document.text, source))).fields(SITE_KEYS, prefix="")
     listen = told["listen"].fields(LISTEN_KEYS) if "listen" in told else {}
     keep = told["keep"].fields(KEEP_KEYS) if "keep" in told else {}
-    own = _number(listen, "port", 0.0, 65535.0)
+    own = read_number(listen, "port", 0.0, 65535.0)
+    store = _beside(folder, _text(told, "store", str(STORE)))
+    usual = OfflineLimits(folder=_offline_folder(folder, store))
     return Site(
         name=_text(told, "name", path.stem),
         assets=tuple(_assets(told, folder)),
-        store=_beside(folder, _text(told, "store", str(STORE))),
+        store=store,
         host=_text(listen, "address", HOST),
         port=port if port is not None else PORT if own is None else int(own),
         **_encryption(listen, folder),
-        days=_number(keep, "days", 1e-3, 1e6),
+        days=read_number(keep, "days", 1e-3, 1e6),
+        size=read_size(keep, "size", LEAST_STORE),
         users=MappingProxyType(dict(_users(told["users"])) if "users" in told else {}),
         connection=MappingProxyType(dict(_connection(told["connection"], folder)) if "connection" in told else {}),
         tell=tuple(_sinks(told["tell"], folder)) if "tell" in told else (),
+        offline=read_limits(told["offline"], folder, usual) if "offline" in told else usual,
     )
 
 
@@ -229,10 +248,10 @@ def _assets(told: Mapping[str, Spot], folder: Path) -> Iterator[SiteAsset]:
     """Read the assets; what one does not say is what the site says."""
     if not told["assets"].entries():
         raise told["assets"].error(f" are none; {ASSETS}")
-    usual, accept = _text(told, "source", SIMULATED), _number(told, "accept", LOWEST_LEVEL, 1.0)
+    usual, accept = _text(told, "source", SIMULATED), read_number(told, "accept", LOWEST_LEVEL, 1.0)
     for place in told["assets"].things("asset"):
         fields = place.fields(ASSET_KEYS)
-        own = _number(fields, "accept", LOWEST_LEVEL, 1.0)
+        own = read_number(fields, "accept", LOWEST_LEVEL, 1.0)
         nodes = (
             {entry.name: entry.text() for entry in fields["nodes"].things("node", checked=False)}
             if "nodes" in fields
@@ -312,20 +331,10 @@ def _beside(folder: Path, store: str) -> str:
     return store if "://" in store else str(folder / store)
 
 
+def _offline_folder(folder: Path, store: str) -> str:
+    """Give where files that people bring are kept: beside the store, or the site file where the store is elsewhere."""
+    return str(folder / "faultbond-offline") if "://" in store else f"{store}-offline"
+
+
 def _text(fields: Mapping[str, Spot], key: str, missing: str = "") -> str:
     return fields[key].text() if key in fields else missing
-
-
-def _number(fields: Mapping[str, Spot], key: str, least: float, most: float) -> float | None:
-    """Give a number of a range, None where it is not said."""
-    if key not in fields:
-        return None
-    place = fields[key]
-    text = place.text()
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not least <= value <= most:
-        raise place.error(f" is a number from {least:g} to {most:g}, not `{shown(text)}`")
-    return value

@@ -14,11 +14,12 @@ from typing import Any
 from faultbond.errors import SourceError, StoreError
 from faultbond.report.numbers import clock_text, duration_text
 from faultbond.service.contract.face import Request, Shown
-from faultbond.service.contract.messages import Action, Arrivals, Deed
+from faultbond.service.contract.messages import Action, Arrivals, AuditEntry, Deed
 from faultbond.service.contract.sink import Sink
 from faultbond.service.contract.source import LiveSource, Subscriber
 from faultbond.service.contract.store import LogStore
 from faultbond.service.hub import Hub
+from faultbond.service.offline.desk import OfflineDesk
 from faultbond.service.sinks.delivery import Deliveries
 from faultbond.service.sinks.measures import ServiceMeasures, families
 from faultbond.service.sinks.openmetrics import exposition
@@ -116,6 +117,9 @@ class Service:
         self._wall = WallClock(clock, steady)
         self._answered = steady()  # when the worker was seen at work or idle
         self._policy = policy or RestartPolicy()
+        plants = {item.name: item.plant for item in site.assets}
+        self.desk = OfflineDesk(site.offline, plants, self.note, clock) if site.offline is not None else None
+        self._off_line = ServicePart(name="off line", since=clock())
         self._hub = Hub()
         self._inbox: asyncio.Queue[Arrivals | _Wish] = asyncio.Queue(MOST_WAITING)
         self._next: Arrivals | _Wish | None = None  # taken from it, to be done by itself
@@ -135,6 +139,8 @@ class Service:
                     tasks.create_task(self._look(worker))
                     tasks.create_task(self._supervised(self._tick, self._telling))
                     tasks.create_task(self._sinks.run())
+                    if self.desk is not None:
+                        tasks.create_task(self._supervised(self.desk.run, self._off_line))
             except ExceptionGroup as failed:
                 raise failed.exceptions[0] from failed
             finally:
@@ -175,7 +181,8 @@ class Service:
     def health(self) -> Mapping[str, Any]:
         """Tell which parts work."""
         failed = [part for part in self._assets.values() if part.is_given_up]
-        parts = (*(feed.part for feed in self._feeds), self._working(), self._kept, self._telling, *failed)
+        desk = () if self.desk is None else (self._off_line,)
+        parts = (*(feed.part for feed in self._feeds), self._working(), self._kept, self._telling, *desk, *failed)
         shown = {part.name: part.shown() for part in parts} | {**self._sinks.health()}
         return {
             "ok": all(part["ok"] for part in shown.values()) and not self._view.is_stopped,
@@ -228,6 +235,20 @@ class Service:
         await self._inbox.put(_Wish(deed=deed, answer=answer))
         await answer
         return await asyncio.to_thread(self._view.newest_deed, request.asset)
+
+    async def note(self, entry: AuditEntry) -> None:
+        """Keep what a person did that is about no asset; it is on the disk when this returns.
+
+        Raises
+        ------
+        StoreError
+            Where it cannot be kept.
+        """
+        await asyncio.to_thread(self._note, entry)
+
+    def _note(self, entry: AuditEntry) -> None:
+        with self._lock:
+            self._store.note(entry)
 
     # The tasks.
 
@@ -382,9 +403,9 @@ class Service:
             moved = self._wall.jumped()
             if moved:
                 self._set_clock(moved)
-            if self._site.days is not None and self._steady() - forgotten >= FORGET_EVERY:
-                forgotten = self._steady()
-                await asyncio.to_thread(self._forget, self._wall.believed() - 86400.0 * self._site.days)
+            if self._steady() - forgotten >= FORGET_EVERY:
+                n_gone = await asyncio.to_thread(self._forget)
+                forgotten = forgotten if n_gone else self._steady()  # there may be more, after those who wait
             summaries = await asyncio.to_thread(self._view.summaries)
             self._sinks.see(summaries)
             for summary in summaries:
@@ -404,10 +425,15 @@ class Service:
             part.since += moved
         self._view.set_clock(moved, f"{told}; it was then {clock_text(self._clock())}.")
 
-    def _forget(self, older_than: float) -> None:
-        """Forget rows and curves from before a time."""
+    def _forget(self) -> int:
+        """Forget rows and curves that are too old, and the oldest of a store that is too large; give how many went."""
+        days, size = self._site.days, self._site.size
+        if days is None and size is None:
+            return 0
+        older_than = None if days is None else self._wall.believed() - 86400.0 * days
         with self._lock, suppress(StoreError):  # a store that fails is told where it is written
-            self._store.retain(older_than=older_than)
+            return self._store.retain(older_than=older_than, at_most=size)
+        return 0
 
     def _feed(self, address: str, open_source: Open) -> _Feed:
         fed = [item for item in self._site.assets if item.source == address]

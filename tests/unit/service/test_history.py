@@ -19,7 +19,7 @@ from faultbond.io.row_block import RowBlock
 from faultbond.model.graph import Unit
 from faultbond.service import history
 from faultbond.service.asset import Asset
-from faultbond.service.contract.messages import Action, Deed, NamedRecord
+from faultbond.service.contract.messages import Action, AuditEntry, Deed, NamedRecord
 from faultbond.service.contract.store import Commit, Enrolment
 from faultbond.service.history import Excerpt, columns_in_units, line_of, tell_history
 from faultbond.service.store.chunks import joined_rows
@@ -271,3 +271,26 @@ def test_a_period_that_ends_before_it_begins_is_refused(kept: Path, capsys: pyte
     """It is a slip of the pen, and no empty history."""
     assert main(["history", str(kept), "--from", "20", "--to", "10"]) == 2
     assert "--from: it is behind --to" in capsys.readouterr().err
+
+
+def test_what_is_about_no_asset_is_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What people brought and ordered is listed behind the journal, and not with that of an asset or a period."""
+    path = tmp_path / "plant.db"
+    store = open_store(path, reserve=0)
+    store.enrol(enrolment("pump"))
+    about = {"name": "night.csv", "size": 7, "sha256": "ab", "asset": "", "files": ["ab", "cd"]}
+    store.note(AuditEntry(at=1_795_000_000.0, who="emma", what="upload", about=about))
+    store.close()
+    (record,) = listed(path, tmp_path / "all.json")
+    assert record == {
+        "record": "audit",
+        "number": 1,
+        "at": 1_795_000_000.0,
+        "who": "emma",
+        "what": "upload",
+        "about": about,
+    }
+    said = capsys.readouterr().out
+    assert said.endswith("audit 1, emma: upload, name night.csv, size 7, sha256 ab, files ab cd\n")
+    assert listed(path, tmp_path / "one.json", "--asset", "pump") == []
+    assert listed(path, tmp_path / "later.json", "--from", "1") == []

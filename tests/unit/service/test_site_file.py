@@ -1,10 +1,12 @@
 """What a site file may say, and how mistakes in it are told."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from faultbond.errors import FaultbondError
+from faultbond.service.offline.limits import OfflineLimits
 from faultbond.service.site import PORT, SIMULATED, read_site, site_of
 from faultbond.service.web.security import hashed
 
@@ -124,3 +126,68 @@ def test_a_network_without_time_is_refused() -> None:
     """There is nothing to watch."""
     with pytest.raises(FaultbondError, match="no samples to watch"):
         site_of([MODEL.parents[1] / "thesis" / "fig_3_7.yaml"], source=None, store=None, port=None, accept=None)
+
+
+def test_limits_of_what_people_bring(tmp_path: Path) -> None:
+    """Limits that are not said have their usual values; the folder is beside the store, or where the file says."""
+    text = "assets: {loop: {model: loop.yaml}}\nstore: data/kept.sqlite\n"
+    usual = OfflineLimits(folder=str(tmp_path / "data/kept.sqlite-offline"))
+    assert read_site(written(tmp_path, text)).offline == usual
+    assert read_site(written(tmp_path, f"{text}offline: yes\n")).offline == usual
+    assert read_site(written(tmp_path, f"{text}offline: no\n")).offline is None
+    told = "{folder: desk, upload: 1.5 GB, time: 1 h, processor: 30 min, memory: 8 GB, results: 2 GB, at_once: 2, "
+    told += "queue: 9, jobs: 3, days: 0.5, room: 1 TB}"
+    assert read_site(written(tmp_path, f"{text}offline: {told}\n")).offline == OfflineLimits(
+        folder=str(tmp_path / "desk"),
+        upload=1_500_000_000,
+        seconds=3600.0,
+        processor=1800.0,
+        memory=8 * 10**9,
+        results=2 * 10**9,
+        at_once=2,
+        queue=9,
+        jobs=3,
+        days=0.5,
+        room=10**12,
+    )
+    server = "assets: {loop: {model: loop.yaml}}\nstore: postgresql://db/plant\n"
+    assert read_site(written(tmp_path, server)).offline == replace(usual, folder=str(tmp_path / "faultbond-offline"))
+    one = site_of([MODEL], source=None, store="a.sqlite", port=None, accept=None)
+    assert one.offline == replace(usual, folder="a.sqlite-offline")
+
+
+def test_a_store_is_bounded_by_size(tmp_path: Path) -> None:
+    """`keep` says an age, a size, or both."""
+    for keep, kept in (
+        ("{size: 20 GB}", (None, 20 * 10**9)),
+        ("{days: 9, size: 500MB}", (9.0, 5 * 10**8)),
+        ("{days: 9}", (9.0, None)),
+    ):
+        site = read_site(written(tmp_path, f"assets: {{loop: {{model: loop.yaml}}}}\nkeep: {keep}\n"))
+        assert (site.days, site.size) == kept
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("keep: {size: 1 MB}", "site.yaml:2: keep: size is a size such as `20 GB`, from 10 MB on, not `1 MB`"),
+        ("keep: {size: 20 GiB}", "keep: size is a size such as `20 GB`, from 10 MB on, not `20 GiB`"),
+        ("keep: {size: -1 GB}", "keep: size is a size"),
+        ("keep: {size: 9999999 TB}", "keep: size is a size"),
+        ("offline: maybe", "site.yaml:2: offline is `yes` or `no`, not `maybe`"),
+        ("offline: {memory: 1 MB}", "offline: memory is a size such as `20 GB`, from 100 MB on, not `1 MB`"),
+        ("offline: {time: 10}", "offline: time `10` needs a time unit"),
+        ("offline: {time: 1 year}", "offline: time is a time from 1 s to 604800 s, not `1 year`"),
+        ("offline: {at_once: 1.5}", "offline: at_once is a whole number, not `1.5`"),
+        ("offline: {at_once: 0}", "offline: at_once is a number from 1 to 64, not `0`"),
+        ("offline: {uplod: 1 GB}", "offline: unknown key `uplod`; did you mean `upload`?"),
+        ("offline: {room: 10 MB}", "offline: room: there is no room for one file"),
+        ("offline: []", "offline"),
+    ],
+)
+def test_mistakes_in_limits(tmp_path: Path, text: str, told: str) -> None:
+    """A size, a time or a number that is none, or out of its range, is one line."""
+    with pytest.raises(FaultbondError) as refused:
+        read_site(written(tmp_path, f"assets: {{loop: {{model: loop.yaml}}}}\n{text}\n"))
+    assert told in str(refused.value)
+    assert "\n" not in str(refused.value)

@@ -2,20 +2,26 @@
 
 import asyncio
 from collections.abc import AsyncGenerator, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from desk_bench import parts
 from faultbond.errors import FaultbondError, StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.asset import Asset
 from faultbond.service.contract.face import Request
 from faultbond.service.contract.messages import Action, Arrivals, Deed
+from faultbond.service.contract.offline import FileKind
 from faultbond.service.contract.store import Commit
+from faultbond.service.offline.desk import OfflineDesk
+from faultbond.service.offline.limits import OfflineLimits
+from faultbond.service.station import FORGET_EVERY
 from faultbond.service.store.opening import open_store
 from loop_asset import FOUND, rows
 from memory_store import MemoryStore
-from played import QUICK, TIMEOUT, Clock, Played, PlayedSource, play
+from played import QUICK, TIMEOUT, TODAY, Clock, Played, PlayedSource, play
 from postgres import PostgresServer
 from stored import flat
 
@@ -466,3 +472,76 @@ def test_a_clock_of_the_source_that_is_set_raises_no_alarm_and_hides_none(moved:
     detections = [[item for item in played.store.records() if item.kind == "detection"] for played in (still, moving)]
     assert [len(found) for found in detections] == [1, 1]
     assert abs(detections[1][0].time - moved - detections[0][0].time) < 1.0
+
+
+class Retaining(MemoryStore):
+    """One that notes what it was asked to forget."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked: list[tuple[float | None, int | None]] = []
+
+    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> int:
+        self.asked.append((older_than, at_most))
+        return 5 if len(self.asked) == 1 else 0
+
+
+@pytest.mark.parametrize(
+    ("more", "asked"),
+    [
+        ({}, []),
+        ({"size": 10**9}, [(None, 10**9)]),
+        ({"days": 2.0}, [(TODAY - 2 * 86400.0, None)]),
+        ({"days": 2.0, "size": 10**9}, [(TODAY - 2 * 86400.0, 10**9)]),
+    ],
+)
+def test_what_is_kept_is_bounded_by_age_and_by_size(
+    monkeypatch: pytest.MonkeyPatch, more: dict[str, Any], asked: list[Any]
+) -> None:
+    """From time to time the store forgets what is too old and too much, as the site says, until nothing more goes."""
+    monkeypatch.setattr("faultbond.service.station.TICK", 0.01)
+    store = Retaining()
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(100))
+        played.steady.now += FORGET_EVERY
+        await played.until(lambda: len(store.asked) >= 2 * len(asked))
+        await asyncio.sleep(0.2)
+
+    play(Played(store, more=more), course)
+    assert store.asked == 2 * asked
+
+
+def test_what_people_bring_is_in_the_store(tmp_path: Path) -> None:
+    """The off-line desk of a service notes in its store, is a part of its health, and is there only if wanted."""
+    limits = OfflineLimits(folder=str(tmp_path / "desk"))
+
+    async def course(played: Played) -> None:
+        desk = played.service.desk
+        assert desk is not None
+        assert desk.shown()["assets"] == ["loop"]
+        await desk.take("a.csv", FileKind.RECORDING, "emma", parts(b"time,V\n"))
+        assert played.service.health()["parts"]["off line"]["ok"]
+        (entry,) = played.store.audit()
+        assert (entry.who, entry.what, entry.about["size"]) == ("emma", "upload", 7)
+
+    play(Played(more={"offline": limits}), course)
+    assert Played().service.desk is None
+
+
+def test_a_desk_that_fails_does_not_end_the_watch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What nobody foresaw at the off-line desk begins it anew, and is told; plants are watched all the while."""
+    times = []
+
+    async def broken(self: OfflineDesk) -> None:
+        times.append(self)
+        raise RuntimeError("unforeseen")
+
+    monkeypatch.setattr(OfflineDesk, "run", broken)
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(FOUND) and len(times) > QUICK.most)
+        await played.until(lambda: played.service.health()["parts"]["off line"]["given_up"])
+        assert played.summary["monitoring"] == "running"
+
+    play(Played(more={"offline": OfflineLimits(folder=str(tmp_path / "desk"))}), course)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from types import MappingProxyType
+from typing import Any
 
 from faultbond.arrays import FloatArray
 from faultbond.contract.json_records import Record
@@ -69,6 +70,21 @@ class Deed:
     target: tuple[str, ...] = ()
     until: float | None = None
     undone: int | None = None
+    number: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AuditEntry:
+    """What a person did that is about no asset.
+
+    at: when, by the clock of the service. what: of it, in a word or two. about: plain JSON by name, such as the name,
+    size and SHA-256 of a file. number: of the entry in the store, from 1; 0 before it is there.
+    """
+
+    at: float
+    who: str
+    what: str
+    about: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     number: int = 0
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from faultbond.io.row_block import RowBlock
-from faultbond.service.contract.messages import Curves, Deed, NamedRecord
+from faultbond.service.contract.messages import AuditEntry, Curves, Deed, NamedRecord
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,6 +116,12 @@ class LogStore(Protocol):
     def deeds(self, asset: str | None = None, *, newest: int | None = None) -> Iterator[Deed]:
         """Give what people did, in order; `newest`: only so many."""
 
+    def note(self, entry: AuditEntry) -> None:
+        """Write what a person did that is about no asset; on the disk when this returns."""
+
+    def audit(self) -> Iterator[AuditEntry]:
+        """Give what was noted, in order."""
+
     def reader(self, name: str) -> tuple[int, int]:
         """Make a reader of records known; give behind which of them it stands, and which is the newest.
 
@@ -137,7 +143,8 @@ class LogStore(Protocol):
         """Forget rows and curves, never records or deeds, and give how many rows went.
 
         Those go that arrived before a time, and the oldest until the store has `at_most` bytes. What the newest
-        checkpoint needs stays.
+        checkpoint needs stays. Where much has to go, a call lets some of it go; who asks again until none goes lets
+        others have the store in between.
         """
 
     def close(self) -> None:

@@ -57,6 +57,9 @@ class Database(Protocol):
     def number(self, statement: str, *values: object) -> Any:
         """Give the one number that a statement finds; None where it finds none."""
 
+    def has_table(self, name: str) -> bool:
+        """Whether there is a table, which an older store may not have."""
+
     def insert(self, table: str, **values: object) -> int:
         """Write a row of a table, inside a transaction, and give its number, the next one of the table."""
 

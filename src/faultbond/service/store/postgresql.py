@@ -89,6 +89,10 @@ class PostgresqlDatabase:
         found = self.rows(statement, *values)
         return found[0][0] if found else None
 
+    def has_table(self, name: str) -> bool:
+        """Whether there is a table."""
+        return self.number("SELECT to_regclass(?)::text", name) is not None
+
     def insert(self, table: str, **values: object) -> int:
         """Write a row of a table, inside a transaction, and give its number, the next one of the table."""
         last = self._numbers.get(table)

@@ -15,7 +15,7 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import StoreError
 from faultbond.io.row_block import RowBlock
-from faultbond.service.contract.messages import Action, Curves, Deed, NamedRecord
+from faultbond.service.contract.messages import Action, AuditEntry, Curves, Deed, NamedRecord
 from faultbond.service.contract.store import Commit, Enrolment, LogPlace
 from faultbond.service.store.checkpoints import stand_of, write_checkpoint
 from faultbond.service.store.chunks import curves_at
@@ -42,6 +42,7 @@ LEAST_EFFORT = 64  # of merging in a commit; see `tail.merge`
 _LOG = "SELECT number, asset, n_inputs, n_outputs, rows, points, deeds, cursor, arrived, time FROM logs"
 
 _READERS = "CREATE TABLE IF NOT EXISTS readers (name TEXT PRIMARY KEY, place BIGINT NOT NULL)"  # not in older stores
+_AUDIT = "CREATE TABLE IF NOT EXISTS audit (number BIGINT PRIMARY KEY, content TEXT NOT NULL, checksum BIGINT NOT NULL)"
 _NEVER = 2**62  # number that no row of a table has
 
 Written = TypeVar("Written")
@@ -154,6 +155,18 @@ class RelationalStore:
         merged = heapq.merge(*found, key=itemgetter(0))
         return (item for _, item in merged)
 
+    def note(self, entry: AuditEntry) -> None:
+        """Write what a person did that is about no asset; see `contract.store.LogStore`."""
+        self._writing(lambda: self._note(entry))
+
+    def audit(self) -> Iterator[AuditEntry]:
+        """Give what was noted, in order."""
+        if not self._database.has_table("audit"):
+            return
+        for number, content, checksum in self._paged("audit", "number, content, checksum", "1=1", (), 0):
+            self._check(content, checksum, f"entry {number} of the audit")
+            yield AuditEntry(number=number, **json.loads(content))
+
     def reader(self, name: str) -> tuple[int, int]:
         """Make a reader of records known; give its place, and the newest; see `contract.store.LogStore`."""
         return self._writing(lambda: self._reader(name))
@@ -198,6 +211,15 @@ class RelationalStore:
             )
         finally:
             self._logs.clear()  # tails are others now
+
+    def _note(self, entry: AuditEntry) -> None:
+        kept = {"at": entry.at, "who": entry.who, "what": entry.what, "about": dict(entry.about)}
+        content = json.dumps(kept)
+        with self._database.transaction():
+            self._database.change(_AUDIT)
+            number = int(self._database.number("SELECT max(number) FROM audit") or 0) + 1
+            values = (number, content, zlib.crc32(content.encode()))
+            self._database.change("INSERT INTO audit VALUES (?, ?, ?)", *values)
 
     def _reader(self, name: str) -> tuple[int, int]:
         with self._database.transaction():

@@ -8,7 +8,8 @@ from math import inf
 from faultbond.service.store.database import Database
 from faultbond.service.store.tail import CHUNKS, PIECES, ROWS
 
-AT_ONCE = 256  # chunks in a transaction, so that arrivals do not wait long
+AT_ONCE = 256  # chunks in a transaction
+AT_A_CALL = 16  # transactions, so that arrivals do not wait long where much has to go at once
 _DISPENSABLE = """
     SELECT number, kind, count, length(content) FROM {0} AS chunk
     WHERE arrived<? AND (kind<>? OR first+count<=(
@@ -20,17 +21,17 @@ _DISPENSABLE = """
 def forget(database: Database, *, older_than: float | None, at_most: int | None) -> int:
     """Forget chunks, those that came first first, and give how many rows of logs went.
 
-    A chunk goes once its newest row arrived before `older_than`; chunks go until the store has `at_most` bytes.
+    A chunk goes once its newest row arrived before `older_than`; chunks go until the store has `at_most` bytes. Where
+    much has to go, a call lets only some of it go, and so gives more than 0.
     """
-    gone = 0
-    if older_than is not None:
-        while (found := _forget_some(database, older_than, None)) is not None:
-            gone += found
-    while at_most is not None and (excess := database.used() - at_most) > 0:
+    gone, left = 0, AT_A_CALL
+    while older_than is not None and left and (found := _forget_some(database, older_than, None)) is not None:
+        gone, left = gone + found, left - 1
+    while at_most is not None and left and (excess := database.used() - at_most) > 0:
         found = _forget_some(database, inf, excess)
         if found is None:
             break
-        gone += found
+        gone, left = gone + found, left - 1
     database.shrink()
     return gone
 

@@ -104,6 +104,10 @@ class SqliteDatabase:
         found = self.rows(statement, *values)
         return found[0][0] if found else None
 
+    def has_table(self, name: str) -> bool:
+        """Whether there is a table."""
+        return bool(self.number("SELECT count(*) FROM sqlite_master WHERE type='table' AND name=?", name))
+
     def insert(self, table: str, **values: object) -> int:
         """Write a row of a table, inside a transaction, and give its number, the next one of the table."""
         marks = ", ".join("?" * len(values))

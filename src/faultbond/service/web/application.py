@@ -7,7 +7,7 @@ import asyncio
 import gzip
 import hmac
 import logging
-from collections.abc import Callable, Collection, Coroutine, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
 from typing import Annotated, Any
@@ -15,19 +15,29 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, FastAPI, HTTPException, Path, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse
-from fastapi.routing import APIRoute
-from fastapi.security import APIKeyCookie, APIKeyHeader, HTTPBearer
 from fastapi.security import HTTPAuthorizationCredentials as Bearer
+from fastapi.security import HTTPBearer
 from starlette.exceptions import HTTPException as AnyHTTPException
-from starlette.types import Message
 
 from faultbond.errors import FaultbondError, StoreError
 from faultbond.service.contract.face import Face, Shown
 from faultbond.service.contract.face import Request as Wanted
 from faultbond.service.contract.messages import Action
+from faultbond.service.contract.offline import Desk
 from faultbond.service.sinks.openmetrics import MEDIA_TYPE
 from faultbond.service.web.broadcast import Broadcast, BusyError, EventStream
+from faultbond.service.web.offline_routes import offline_routes
 from faultbond.service.web.page_files import page_files
+from faultbond.service.web.route_parts import (
+    COOKIE,
+    Bounded,
+    check_json,
+    check_token,
+    person_of,
+    refusals,
+    session_cookie,
+    token_header,
+)
 from faultbond.service.web.security import Guard, Person, Role, TooManyTriesError, needed
 from faultbond.service.web.shapes import (
     AssetShape,
@@ -43,27 +53,8 @@ from faultbond.service.web.shapes import (
 )
 from faultbond.service.web.shield import HEADERS, LOOPBACK, REPORT_POLICY, Shield, refusal
 
-COOKIE = "faultbond_session"
-TOKEN = "X-Faultbond-Token"  # noqa: S105 - the name of a header
-LARGEST_BODY = 64 * 1024  # bytes
 MOST_POINTS = 5000
-_TOO_LARGE = f"The body is too large. At most {LARGEST_BODY // 1024} KiB are taken here."
 _LOG = logging.getLogger(__name__)
-_REFUSALS = {
-    400: "The request cannot be read.",
-    401: "Nobody is logged in.",
-    403: "The role, the origin or the token is not right.",
-    404: "There is no such thing.",
-    409: "It cannot be done now.",
-    413: "The body is too large.",
-    415: "The body is not JSON.",
-    421: "The service does not answer to this name.",
-    422: "A value is missing or wrong.",
-    429: "There were too many failed logins.",
-    503: "The store cannot be written, or too many pages are open.",
-}
-_cookie = APIKeyCookie(name=COOKIE, auto_error=False, description="Of a session that `login` began")
-_header = APIKeyHeader(name=TOKEN, auto_error=False, description="The `token` that `me` tells")
 _bearer = HTTPBearer(auto_error=False, description="The token of `tell` with `to: metrics`")
 AssetName = Annotated[str, Path(max_length=200, description="Name of an asset")]
 ClockTime = Annotated[float | None, Query(allow_inf_nan=False, description="By the clock of the samples, s")]
@@ -73,32 +64,6 @@ class Metrics(Response):
     """Numbers as OpenMetrics has them."""
 
     media_type = MEDIA_TYPE
-
-
-class Bounded(APIRoute):
-    """A route that takes small bodies only; too large a one is refused in the shape of all refusals."""
-
-    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """Give what answers."""
-        answer = super().get_route_handler()
-
-        async def bounded(request: Request) -> Response:
-            length = request.headers.get("content-length", "")
-            if length.isdecimal() and int(length) > LARGEST_BODY:
-                raise HTTPException(413, _TOO_LARGE)
-            taken = 0
-
-            async def receive() -> Message:
-                nonlocal taken
-                message = await request.receive()
-                taken += len(message.get("body", b""))
-                if taken > LARGEST_BODY:
-                    raise HTTPException(413, _TOO_LARGE)
-                return message
-
-            return await answer(Request(request.scope, receive))
-
-        return bounded
 
 
 class Described(FastAPI):
@@ -115,7 +80,14 @@ class Described(FastAPI):
         return super().openapi()
 
 
-def application(face: Face, guard: Guard, *, hosts: Collection[str] = LOOPBACK, metrics_token: str = "") -> FastAPI:
+def application(
+    face: Face,
+    guard: Guard,
+    *,
+    hosts: Collection[str] = LOOPBACK,
+    metrics_token: str = "",
+    desk: Desk | None = None,
+) -> FastAPI:
     """Make the application.
 
     Parameters
@@ -124,6 +96,7 @@ def application(face: Face, guard: Guard, *, hosts: Collection[str] = LOOPBACK, 
     guard : knows people
     hosts : names and addresses under which the service may be asked, without ports
     metrics_token : with which a program may ask for `/metrics` that has no session; empty: none may
+    desk : takes files that people bring, and analyses of them; None: there is none
 
     Returns
     -------
@@ -136,21 +109,19 @@ def application(face: Face, guard: Guard, *, hosts: Collection[str] = LOOPBACK, 
         docs_url=None,  # that page would load scripts from another host
         redoc_url=None,
         openapi_url="/openapi.json",
-        responses=_refusals(421),
+        responses=refusals(421),
     )
     made.state.broadcast = Broadcast(face)
     made.add_middleware(Shield, hosts=hosts)
     _tell_errors(made)
     made.include_router(_pages())
-    made.include_router(_people(guard))
+    made.include_router(_people(guard, has_desk=desk is not None))
     made.include_router(_views(face, guard, made.state.broadcast))
     made.include_router(_measures(face, guard, made.state.broadcast, metrics_token))
     made.include_router(_deeds(face, guard))
+    if desk is not None:
+        made.include_router(offline_routes(desk, guard))
     return made
-
-
-def _refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    return {status: {"model": RefusalShape, "description": _REFUSALS[status]} for status in statuses}
 
 
 def _tell_errors(made: FastAPI) -> None:
@@ -200,46 +171,24 @@ def _pages() -> APIRouter:
     return router
 
 
-def _person(guard: Guard, role: Role) -> Any:
-    """Give what finds the person that asks, and refuses one whose role is less."""
-
-    async def found(cookie: Annotated[str | None, Depends(_cookie)]) -> Person:
-        person = guard.who(cookie)
-        if person is None:
-            raise HTTPException(401, "Nobody is logged in. Log in first.", {"www-authenticate": "Session"})
-        if person.role < role:
-            raise HTTPException(403, f"{person.name} may not do this: it takes the role {role.name.lower()}.")
-        return person
-
-    return Depends(found)
-
-
-def _check_token(person: Person, token: str | None) -> None:
-    if token is None or not hmac.compare_digest(token.encode(), person.token.encode()):
-        raise HTTPException(403, f"The token is not right. Send that of `me` as {TOKEN}.")
-
-
-async def _check_json(request: Request) -> None:
-    if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
-        raise HTTPException(415, "The body is to be JSON. Send it as application/json.")
-
-
-def _people(guard: Guard) -> APIRouter:
+def _people(guard: Guard, *, has_desk: bool) -> APIRouter:
     """Give who asks, login and logout."""
     router = APIRouter(prefix="/api/v1", tags=["people"], route_class=Bounded)
     one_at_a_time = asyncio.Semaphore(1)  # hashing takes memory and a core
 
-    @router.get("/me", response_model=MeShape, responses=_refusals(401))
-    async def me(person: Annotated[Person, _person(guard, Role.VIEW)]) -> Response:
+    @router.get("/me", response_model=MeShape, responses=refusals(401))
+    async def me(person: Annotated[Person, person_of(guard, Role.VIEW)]) -> Response:
         """Tell who asks, and the token that goes with every deed."""
         told = {"name": person.name, "role": person.role.name.lower(), "token": person.token}
-        return JSONResponse({**told, "actions": person.actions(), "can_log_out": guard.asks_login})
+        may_analyse = has_desk and person.role >= Role.ENGINEER
+        more = {"actions": person.actions(), "may_analyse": may_analyse, "can_log_out": guard.asks_login}
+        return JSONResponse(told | more)
 
     @router.post(
         "/login",
         response_model=DoneShape,
-        responses=_refusals(400, 401, 403, 413, 415, 422, 429),
-        dependencies=[Depends(_check_json)],
+        responses=refusals(400, 401, 403, 413, 415, 422, 429),
+        dependencies=[Depends(check_json)],
     )
     async def login(request: Request, body: LoginShape) -> Response:
         """Begin a session; it is in the cookie of the answer."""
@@ -257,14 +206,14 @@ def _people(guard: Guard) -> APIRouter:
         answer.set_cookie(COOKIE, session, httponly=True, samesite="strict", secure=is_secure, path="/")
         return answer
 
-    @router.post("/logout", response_model=DoneShape, responses=_refusals(401, 403, 413))
+    @router.post("/logout", response_model=DoneShape, responses=refusals(401, 403, 413))
     async def logout(
-        person: Annotated[Person, _person(guard, Role.VIEW)],
-        cookie: Annotated[str | None, Depends(_cookie)],
-        token: Annotated[str | None, Depends(_header)],
+        person: Annotated[Person, person_of(guard, Role.VIEW)],
+        cookie: Annotated[str | None, Depends(session_cookie)],
+        token: Annotated[str | None, Depends(token_header)],
     ) -> Response:
         """End the session."""
-        _check_token(person, token)
+        check_token(person, token)
         guard.logout(cookie)
         answer = JSONResponse({"ok": True})
         answer.delete_cookie(COOKIE, path="/", httponly=True, samesite="strict")
@@ -276,9 +225,9 @@ def _people(guard: Guard) -> APIRouter:
 def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
     """Give what there is to see; where the service may be busy it is asked in a thread, and the others are served."""
     router = APIRouter(tags=["views"], route_class=Bounded)
-    viewer = _person(guard, Role.VIEW)
-    seen = _refusals(401, 403)
-    seen_of_one = _refusals(401, 403, 404, 422)
+    viewer = person_of(guard, Role.VIEW)
+    seen = refusals(401, 403)
+    seen_of_one = refusals(401, 403, 404, 422)
 
     @router.get("/health", response_model=HealthShape, responses={503: {"model": HealthShape}})
     async def health(request: Request) -> Response:
@@ -324,11 +273,11 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
             return HTMLResponse(face.report(asset), headers={"content-security-policy": REPORT_POLICY})
 
     @router.get(
-        "/api/v1/events", response_class=EventStream, status_code=200, responses=_refusals(401, 403, 404, 422, 503)
+        "/api/v1/events", response_class=EventStream, status_code=200, responses=refusals(401, 403, 404, 422, 503)
     )
     async def events(
         person: Annotated[Person, viewer],
-        cookie: Annotated[str | None, Depends(_cookie)],
+        cookie: Annotated[str | None, Depends(session_cookie)],
         asset: Annotated[str | None, Query(max_length=200, description="All of this one; of others summaries")] = None,
     ) -> Response:
         """Tell what is so now and what happens: events `site`, `asset`, `summary`, `samples`, `alive`."""
@@ -347,13 +296,13 @@ def _measures(face: Face, guard: Guard, broadcast: Broadcast, token: str) -> API
     router = APIRouter(tags=["views"], route_class=Bounded)
 
     async def may_ask(
-        cookie: Annotated[str | None, Depends(_cookie)], shown: Annotated[Bearer | None, Depends(_bearer)]
+        cookie: Annotated[str | None, Depends(session_cookie)], shown: Annotated[Bearer | None, Depends(_bearer)]
     ) -> None:
         is_known = bool(token) and shown is not None and hmac.compare_digest(shown.credentials.encode(), token.encode())
         if not is_known and guard.who(cookie) is None:
             raise HTTPException(401, "Nobody is logged in. Show the token of `tell`.", {"www-authenticate": "Bearer"})
 
-    @router.get("/metrics", response_class=Metrics, responses=_refusals(401), dependencies=[Depends(may_ask)])
+    @router.get("/metrics", response_class=Metrics, responses=refusals(401), dependencies=[Depends(may_ask)])
     def metrics(request: Request) -> Response:
         """Tell what is measured, as OpenMetrics has it."""
         return _packed(request, Metrics(face.metrics(len(broadcast))))
@@ -390,17 +339,17 @@ def _deeds(face: Face, guard: Guard) -> APIRouter:
         "/api/v1/assets/{asset}/deeds",
         status_code=201,
         response_model=EntryShape,
-        responses=_refusals(400, 401, 403, 404, 409, 413, 415, 422, 503),
-        dependencies=[Depends(_check_json)],
+        responses=refusals(400, 401, 403, 404, 409, 413, 415, 422, 503),
+        dependencies=[Depends(check_json)],
     )
     async def do(
         asset: AssetName,
         body: DeedShape,
-        person: Annotated[Person, _person(guard, Role.OPERATE)],
-        token: Annotated[str | None, Depends(_header)],
+        person: Annotated[Person, person_of(guard, Role.OPERATE)],
+        token: Annotated[str | None, Depends(token_header)],
     ) -> Response:
         """Do something about an asset; what comes back is the entry of the journal, and is on the disk."""
-        _check_token(person, token)
+        check_token(person, token)
         role = await asyncio.to_thread(_needed, face, asset, body)
         if person.role < role:
             raise HTTPException(403, f"{person.name} may not do this: it takes the role {role.name.lower()}.")

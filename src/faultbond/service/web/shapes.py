@@ -45,12 +45,17 @@ class RefusalShape(Shape):
 
 
 class MeShape(Shape):
-    """Who asks. token: to be sent with every POST as `X-Faultbond-Token`. actions: those that the role allows."""
+    """Who asks.
+
+    token: to be sent with every POST and DELETE as `X-Faultbond-Token`. actions: those that the role allows.
+    may_analyse: whether it allows the off-line desk, and there is one.
+    """
 
     name: str
     role: Literal["view", "operate", "engineer"]
     token: str
     actions: list[str]
+    may_analyse: bool
     can_log_out: bool
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
 from faultbond.errors import StoreError
-from faultbond.service.contract.messages import Action, Curves, Deed, NamedRecord
+from faultbond.service.contract.messages import Action, AuditEntry, Curves, Deed, NamedRecord
 from faultbond.service.contract.store import Commit
 from faultbond.service.store import relational, tail
 from faultbond.service.store.opening import open_store
@@ -226,6 +226,14 @@ class AnySequence(RuleBasedStateMachine):
             assert found == self.slow.records_behind(place, most)
             for store in (self.store, self.slow):
                 store.advance(name, found[-1][0] if found else place)
+
+    @rule(at=st.floats(0, 1e9), who=st.text(max_size=3), about=CONTENT)
+    def note(self, at: float, who: str, about: dict[str, object]) -> None:
+        """What is noted comes back in order, in a store that has never been noted in, too."""
+        assert list(self.store.audit()) == list(self.slow.audit())
+        for store in (self.store, self.slow):
+            store.note(AuditEntry(at=at, who=who, what="upload", about=about))
+        assert list(self.store.audit()) == list(self.slow.audit())
 
     @rule(asset=st.sampled_from(ASSETS), begin=MOMENTS, end=MOMENTS)
     def read_curves(self, asset: str, begin: float | None, end: float | None) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from faultbond.errors import StoreError
 from faultbond.service.contract.store import Commit
-from faultbond.service.store import tail
+from faultbond.service.store import retention, tail
 from faultbond.service.store.opening import open_store
 from faultbond.service.store.relational import RelationalStore
 from stored import deed, enrolment, flat, some_curves, some_rows, told
@@ -166,3 +166,14 @@ def test_no_commit_merges_all_assets(store: RelationalStore) -> None:
         before = merged
     assert before == len(names)
     assert most <= 8
+
+
+def test_much_goes_in_portions(store: RelationalStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where much has to go a call lets some of it go, so that others need not wait; calls until 0 let all of it go."""
+    grown(store, 0, 10_000, each=1000)
+    monkeypatch.setattr(retention, "AT_ONCE", 2)
+    monkeypatch.setattr(retention, "AT_A_CALL", 2)
+    calls = [*iter(lambda: store.retain(older_than=8500.0), 0)]
+    assert len(calls) > 2
+    assert sum(calls) == 9000
+    assert len([item for item in flat(store.log_between("pump")) if isinstance(item, tuple)]) == 1000

@@ -5,6 +5,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 
 from faultbond.errors import StoreError
+from faultbond.service.contract.messages import AuditEntry
 from faultbond.service.contract.store import Commit, LogStore
 from faultbond.service.store.database import FORMAT
 from faultbond.service.store.opening import open_store
@@ -293,6 +295,18 @@ def test_a_damaged_chunk_is_named(place: str) -> None:
         flat(store.log_after("pump", 0, 0))
     one_line(error, place)
     assert flat(store.log_after("pump", 2000, 0)) == flat([some_rows(2000, 1000)])
+    store.close()
+
+
+def test_a_damaged_entry_of_the_audit_is_named(place: str) -> None:
+    """An entry of the audit that is not what was written is refused by its number; old stores have none."""
+    store = filled(place, 300)
+    with closing(open_store(place, writes=False)) as reader:
+        assert list(reader.audit()) == []
+    store.note(AuditEntry(at=1.0, who="emma", what="upload"))
+    replace_bytes(store, "audit", "content", '{"at": 1.0, "who": "otto", "what": "upload", "about": {}}', "number=1")
+    with pytest.raises(StoreError, match="entry 1 of the audit is damaged on the disk"):
+        list(store.audit())
     store.close()
 
 

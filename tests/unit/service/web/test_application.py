@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from asked import Asked
+from asked import Asked, is_refused
 from faultbond.service.contract.messages import Action
-from faultbond.service.web.application import COOKIE, TOKEN
 from faultbond.service.web.page_files import page_files
+from faultbond.service.web.route_parts import COOKIE, TOKEN
 from faultbond.service.web.security import LocalGuard
-from faultbond.service.web.shapes import AssetShape, CurvesShape, EntryShape, MeShape, RefusalShape, SiteShape
+from faultbond.service.web.shapes import AssetShape, CurvesShape, EntryShape, MeShape, SiteShape
 from faultbond.service.web.shield import POLICY
 
 LOADED = re.compile(r'(?:src|href)="(static/[^"]+)"')
@@ -57,15 +57,6 @@ BAD_DEEDS: list[tuple[dict[str, Any], str]] = [
     ({"action": "acknowledge", "comment": "\ud800"}, "comment"),
     ({"action": "acknowledge", "who": "somebody else"}, "who"),
 ]
-
-
-def is_refused(answer: Any, status: int, text: str = "") -> bool:
-    """Whether an answer is a refusal in the one shape, with a sentence that has a text."""
-    told = answer.json()
-    shape = RefusalShape.model_validate(told, strict=True)
-    return (
-        set(told) == {"ok", "error", "status"} and answer.status_code == shape.status == status and text in shape.error
-    )
 
 
 def test_its_answers_have_the_shapes_that_it_describes(local: Asked) -> None:
@@ -276,13 +267,15 @@ def test_the_description_is_complete(local: Asked) -> None:
         "/metrics",
         *(f"/api/v1/{name}" for name in ("me", "login", "logout", "site", "events")),
         *(f"/api/v1/assets/{{asset}}{name}" for name in ("", "/curves", "/report", "/deeds")),
+        *(f"/api/v1/offline{name}" for name in ("", "/files", "/jobs")),
+        *(f"/api/v1/offline/jobs/{{job}}{name}" for name in ("", "/report", "/records", "/analysis")),
     }
     for path, method, item in operations:
         statuses = set(item["responses"])
         assert "421" in statuses
         assert path in {"/health", "/api/v1/login"} or {"401"} <= statuses, path
         assert method == "get" or {"403", "413"} <= statuses, path
-        assert "{asset}" not in path or {"404", "422"} <= statuses, path
+        assert ("{asset}" not in path and "{job}" not in path) or {"404", "422"} <= statuses, path
         for status, answer in item["responses"].items():
             if status.startswith("4"):
                 assert answer["content"]["application/json"]["schema"]["$ref"].endswith("/RefusalShape"), path

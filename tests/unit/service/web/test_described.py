@@ -8,8 +8,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from asked import Asked
+from fake_desk import FakeDesk
 from fake_face import FakeFace
-from faultbond.service.web.application import TOKEN, application
+from faultbond.service.web.application import application
+from faultbond.service.web.route_parts import TOKEN
 from faultbond.service.web.security import LocalGuard
 
 schemathesis = pytest.importorskip("schemathesis", reason="there is no schemathesis: pip install schemathesis")
@@ -19,7 +21,7 @@ FEW = settings(max_examples=20, deadline=None, suppress_health_check=list(Health
 ENDLESS = "/api/v1/events"  # a stream, which test_broadcast.py listens to
 OPERATIONS = [
     (method, path)
-    for path, methods in application(FakeFace(), LocalGuard()).openapi()["paths"].items()
+    for path, methods in application(FakeFace(), LocalGuard(), desk=FakeDesk()).openapi()["paths"].items()
     for method in methods
     if path != ENDLESS
 ]

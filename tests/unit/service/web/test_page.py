@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from fake_desk import REPORT, FakeDesk
 from fake_face import FakeFace
 from faultbond.service.web.application import application
 from faultbond.service.web.security import Guard, LocalGuard, LoginGuard, Role
@@ -21,7 +22,14 @@ uvicorn = pytest.importorskip("uvicorn", reason='there is no uvicorn: pip instal
 
 AXE = "axe-core@4.14.1"
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
-VIEWS = {"overview": "#/", "several": "#/tank_2", "healthy": "#/tank_1", "no data": "#/motor_2", "shelved": "#/tank_4"}
+VIEWS = {
+    "overview": "#/",
+    "several": "#/tank_2",
+    "healthy": "#/tank_1",
+    "no data": "#/motor_2",
+    "shelved": "#/tank_4",
+    "off line": "#offline",
+}
 READY = "#main[data-place]:not([data-place=''])"
 LARGEST_LOAD = 200_000  # bytes
 
@@ -30,7 +38,7 @@ class Served:
     """An application served on a port of this machine, with a made-up service behind it."""
 
     def __init__(self, guard: Guard | None = None) -> None:
-        self.face = FakeFace()
+        self.face, self.desk = FakeFace(), FakeDesk()
         self.guard = guard or LocalGuard()
         self.port = 0
         self.start()
@@ -39,7 +47,10 @@ class Served:
         """Serve, on the same port as before."""
         self.server = uvicorn.Server(
             uvicorn.Config(
-                application(self.face, self.guard), port=self.port, log_level="error", timeout_graceful_shutdown=1
+                application(self.face, self.guard, desk=self.desk),
+                port=self.port,
+                log_level="error",
+                timeout_graceful_shutdown=1,
             )
         )
         self.thread = threading.Thread(target=self._run)
@@ -432,5 +443,95 @@ def test_login(browser: Any, users: dict[str, tuple[str, Role]], axe: str) -> No
     page.click("#leave")
     page.wait_for_selector(".login")
     assert "leak" not in page.inner_text("body")
+    page.close()
+    served.stop()
+
+
+def test_a_recording_is_brought_and_analysed(opened: Callable[..., Any], served: Served, tmp_path: Path) -> None:
+    """From the overview one comes to the desk, brings a recording and a model with a table, and sees them wait."""
+    for name in ("night.csv", "pump 7.yaml", "curve.csv"):
+        (tmp_path / name).write_text("time,flow\n0,1\n")
+    page = opened()
+    page.click("#desk")
+    page.wait_for_selector(".jobs li[data-job]")
+    before = page.locator(".jobs li").count()
+    page.set_input_files("#desk-recording", str(tmp_path / "night.csv"))
+    page.select_option("#desk-asset", "tank_2")
+    page.check("#desk-analyse")
+    page.click("form button[type=submit]")
+    until(page, "(n) => document.querySelectorAll('.jobs li').length === n", before + 1)
+    assert "by the model of tank_2" in page.locator(".jobs li").first.inner_text()
+    assert page.locator("input[value=asset]").is_checked()
+    page.check("input[value=file]")
+    assert page.locator("#desk-asset").is_hidden()
+    page.set_input_files("#desk-recording", str(tmp_path / "night.csv"))
+    page.set_input_files("#desk-model", str(tmp_path / "pump 7.yaml"))
+    page.set_input_files("#desk-tables", str(tmp_path / "curve.csv"))
+    page.click("form button[type=submit]")
+    until(page, "(n) => document.querySelectorAll('.jobs li').length === n", before + 2)
+    assert "by pump 7.yaml, curve.csv" in page.locator(".jobs li").first.inner_text()
+    first, second = served.desk.ordered
+    assert (first.asset, first.model, first.analyse) == ("tank_2", "", True)
+    assert (second.asset, len(second.tables), second.analyse) == ("", 1, False)
+    assert page.wrong == []
+
+
+def test_analyses_tell_how_they_stand(opened: Callable[..., Any], browser: Any) -> None:
+    """Verdict, place in the queue, share and reason are there; results can be opened, and the report downloaded."""
+    page = opened("#offline")
+    page.wait_for_selector(".jobs li[data-job]")
+    text = page.inner_text(".jobs")
+    for part in (
+        "Waits, 1 in the queue",
+        "Fault found",
+        "99.7",
+        "No fault found",
+        "It took longer than 10 min",
+        "no column",
+    ):
+        assert part in text
+    assert page.locator(".jobs progress").get_attribute("value") == "0.4"
+    with page.expect_download() as fetched:
+        page.click("a[aria-label='Download report'] >> nth=-1")
+    assert fetched.value.suggested_filename == "plant-2026-11-17.html"
+    assert Path(fetched.value.path()).read_text() == REPORT
+    assert page.title().endswith("Off line")
+    assert page.locator("#crumb").inner_text() == "Off line"
+
+
+def test_what_the_desk_refuses_is_told(opened: Callable[..., Any], served: Served, tmp_path: Path) -> None:
+    """A file that is too large stays in the form, and its refusal is read out."""
+    (tmp_path / "large.csv").write_text("x" * 6000)
+    page = opened("#offline")
+    page.set_input_files("#desk-recording", str(tmp_path / "large.csv"))
+    page.click("form button[type=submit]")
+    page.wait_for_selector(".problem-line:not([hidden])")
+    assert page.inner_text(".problem-line") == "It is too large. A recording has 5 kB at most."
+    assert page.locator("form button[type=submit]").is_enabled()
+    assert served.desk.ordered == []
+
+
+def test_an_analysis_is_removed(opened: Callable[..., Any], served: Served, axe: str) -> None:
+    """To stop or remove one is asked first, in a dialog that everybody can use."""
+    page = opened("#offline")
+    page.click(f"button[data-remove='{6:016x}']")
+    assert page.inner_text("#dialog-title") == "Stop the analysis of night shift.csv?"
+    assert violations(page, axe) == []
+    page.click("dialog button[type=submit]")
+    until(page, "(id) => !document.querySelector(`[data-job='${id}']`)", f"{6:016x}")
+    assert f"{6:016x}" not in served.desk.jobs
+
+
+def test_the_desk_is_an_engineers(browser: Any, users: dict[str, tuple[str, Role]]) -> None:
+    """An operator has no way to the desk, and lands at the overview where one is typed."""
+    served = Served(LoginGuard(users=users))
+    page = browser.new_page()
+    page.goto(served.address + "#offline")
+    page.fill("#login-name", "otto")
+    page.fill("#login-password", "hands on")
+    page.keyboard.press("Enter")
+    page.wait_for_selector(".tiles")
+    assert page.locator("#desk").is_hidden()
+    assert "plant-2026" not in page.inner_text("body")
     page.close()
     served.stop()

@@ -48,6 +48,18 @@ export const logout = () => sent("api/v1/logout", {});
 export const act = (asset, deed) => sent(`${pathOf(asset)}/deeds`, deed);
 export const reportPath = (asset) => `${pathOf(asset)}/report`;
 
+// The off-line desk. A file goes as it is, so that none is ever whole in memory.
+const DESK = "api/v1/offline";
+export const desk = () => asked(DESK);
+export const order = (wanted) => sent(`${DESK}/jobs`, wanted);
+export const remove = (job) => asked(`${DESK}/jobs/${job}`, { method: "DELETE", headers: { "x-faultbond-token": token } });
+export const resultPath = (job, what) => `${DESK}/jobs/${job}/${what}`;
+
+export function bring(file, kind) {
+  const headers = { "content-type": "application/octet-stream", "x-faultbond-token": token };
+  return asked(`${DESK}/files?${new URLSearchParams({ kind, name: file.name })}`, { method: "POST", headers, body: file });
+}
+
 export function curves(asset, { begin, end, most }, signal) {
   const query = new URLSearchParams({ most: String(most) });
   if (begin != null) query.set("begin", String(begin));

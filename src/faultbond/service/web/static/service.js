@@ -2,6 +2,7 @@
 
 import { AssetView } from "./asset_view.js";
 import { Stream, login, logout, who } from "./connection.js";
+import { DeskView } from "./desk_view.js";
 import { isUnacknowledged, make } from "./elements.js";
 import { Overview, linkOf } from "./overview.js";
 
@@ -12,7 +13,9 @@ let view = null;
 
 // ---- where one is
 
-const placeNow = () => decodeURIComponent(location.hash.replace(/^#\/?/, "")) || null;
+const isDesk = () => location.hash === "#offline"; // an asset of that name is #/offline
+const placeNow = () => (isDesk() ? null : decodeURIComponent(location.hash.replace(/^#\/?/, "")) || null);
+const titleNow = () => (isDesk() ? "Off line" : placeNow());
 
 function go() {
   const asset = placeNow();
@@ -20,8 +23,10 @@ function go() {
   view?.stop?.();
   view = null;
   byId("dialog").close();
-  byId("crumb").hidden = asset == null;
-  byId("crumb").textContent = asset ?? "";
+  byId("crumb").hidden = titleNow() == null;
+  byId("crumb").textContent = titleNow() ?? "";
+  byId("desk").hidden = !state.me.may_analyse || isDesk();
+  if (isDesk() && !state.me.may_analyse) return void (location.hash = "#/");
   byId("main").replaceChildren(make("p", { class: "hint waiting" }, "Asking the service."));
   byId("main").dataset.place = "";
   stream = new Stream(asset, { heard, live, lost });
@@ -32,8 +37,8 @@ function go() {
 function viewOf(asset) {
   if (view) return view;
   const main = byId("main");
-  view = asset == null ? new Overview(main) : new AssetView(main, asset, { tell });
-  main.dataset.place = asset == null ? "overview" : "asset";
+  view = isDesk() ? new DeskView(main, { tell }) : asset == null ? new Overview(main) : new AssetView(main, asset, { tell });
+  main.dataset.place = isDesk() ? "desk" : asset == null ? "overview" : "asset";
   return view;
 }
 
@@ -70,7 +75,7 @@ function show() {
   byId("count").href = unseen.length === 1 ? linkOf(unseen[0].name) : "#/";
   byId("count").textContent = unseen.length === 1 ? "1 alarm to acknowledge" : `${unseen.length} alarms to acknowledge`;
   byId("about").textContent = `faultbond ${state.site.version}; ${state.site.source}. It only watches: it is no safety function and writes nothing into the plant.`;
-  document.title = `${state.isLost ? "Not live: " : unseen.length ? `(${unseen.length}) ` : ""}${asset ?? state.site.name}`;
+  document.title = `${state.isLost ? "Not live: " : unseen.length ? `(${unseen.length}) ` : ""}${titleNow() ?? state.site.name}`;
 }
 
 // ---- whether it is live
@@ -143,7 +148,7 @@ function askLogin() {
   view?.stop?.();
   view = null;
   Object.assign(state, { me: null, site: null, assets: new Map(), isLost: true, lostAt: null });
-  for (const id of ["person", "leave", "count", "crumb", "lost"]) byId(id).hidden = true;
+  for (const id of ["person", "leave", "count", "crumb", "lost", "desk"]) byId(id).hidden = true;
   document.body.classList.remove("is-lost");
   byId("live-text").textContent = "Not logged in";
   byId("live").classList.remove("is-live");
