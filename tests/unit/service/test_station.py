@@ -158,6 +158,29 @@ def test_a_store_that_cannot_be_written_stops_nothing_and_loses_nothing(monkeypa
     play(Played(store, last=300), course)
 
 
+def test_who_wants_something_while_the_store_is_gone_is_refused_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What waited behind what cannot be written is called off: it is not done later, when nobody knows of it."""
+    monkeypatch.setattr("faultbond.service.station.RETRY", 0.05)
+    monkeypatch.setattr("faultbond.service.station.DEED_PATIENCE", 0.3)
+    store = FailingStore()
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(300))
+        store.failures = 10**6
+        with pytest.raises(StoreError, match=r"disk is full. It is tried again until it is written"):
+            await played.do(Action.SUPPRESS)
+        with pytest.raises(StoreError, match=r"disk is full. Nothing was done; try again"):
+            await played.do(Action.OUT_OF_SERVICE)
+        with pytest.raises(StoreError, match=r"Nothing was done"):
+            await played.do(Action.UNDO)
+        store.failures = 0
+        await played.until(lambda: played.service.health()["ok"])
+        await played.do(Action.UNSUPPRESS)
+        assert [item.action for item in store.deeds()] == [Action.SUPPRESS, Action.UNSUPPRESS]
+
+    play(Played(store, last=300), course)
+
+
 def test_what_waits_is_taken_in_portions(monkeypatch: pytest.MonkeyPatch) -> None:
     """However much came at once, as after a night without the service: others may ask between two of them."""
     monkeypatch.setattr("faultbond.service.station.MOST_ROWS", 120)
