@@ -10,17 +10,17 @@ from getpass import getpass
 from types import ModuleType
 
 from faultbond.app.signals import STOPPING, Stopped
-from faultbond.errors import FaultbondError
+from faultbond.errors import FaultbondError, Mistakes
 from faultbond.io.out import Out
 from faultbond.report.numbers import clock_text
-from faultbond.service.contract.source import Subscriber
-from faultbond.service.door import Certificate, bound, read_certificate, refuse_open_door
+from faultbond.service.door import Certificate, bound
 from faultbond.service.log_lines import LogForm, logged
 from faultbond.service.sinks.opening import metrics_token, open_sinks
 from faultbond.service.sinks.options import KINDS
 from faultbond.service.site import Site
+from faultbond.service.site_check import check_site, doubts
 from faultbond.service.site_log import Done
-from faultbond.service.sources.opening import open_source
+from faultbond.service.sources.opening import open_source, shown_address
 from faultbond.service.station import Service
 from faultbond.service.store.address import shown_store
 from faultbond.service.store.opening import open_store
@@ -33,11 +33,13 @@ _LOG = logging.getLogger(__name__)
 GRACE = 5  # s that answers which are being given have at the end
 
 
-def serve(site: Site, *, out: Out, check: bool = False, log: LogForm | None = None) -> None:
+def serve(
+    site: Site, *, out: Out, check: bool = False, log: LogForm | None = None, mistakes: Mistakes | None = None
+) -> None:
     """Watch a site and show it, until a signal comes; then every asset is kept as it stands.
 
     check: only say what would be watched, once it is known that it can be. log: how standard error is written; None:
-    as it suits that.
+    as it suits that. mistakes: what is known to be wrong with the site; it is told with all else that is.
 
     Raises
     ------
@@ -50,8 +52,7 @@ def serve(site: Site, *, out: Out, check: bool = False, log: LogForm | None = No
         When a signal came.
     """
     uvicorn = _web_server()
-    refuse_open_door(site)
-    certificate = read_certificate(site)
+    certificate = check_site(site, mistakes or Mistakes(), store=check)
     if check:
         _tell(site, certificate, out)
         return
@@ -86,11 +87,10 @@ def hash_password(out: Out) -> None:
 def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
     """Say what a site watches."""
     for item in site.assets:
-        subscriber = Subscriber(asset=item.name, columns=item.plant.columns, graph=item.plant.graph)
-        open_source(item.source, [subscriber], site.options(item.source))
         rule = "" if item.accept is None else f"; accepts what is {item.accept:g} sure"
-        out.say(f"{item.name}: {item.plant.graph.name} ({item.plant.document[0]}) from {item.source}{rule}")
-    metrics_token(site.tell)
+        topic = f", topic {item.topic}" if item.topic else ""
+        model, source = item.plant.document[0], shown_address(item.source)
+        out.say(f"{item.name}: {item.plant.graph.name} ({model}) from {source}{topic}{rule}")
     for sink in open_sinks(site.tell, site.topics()):
         what = [kind for kind in KINDS if kind in sink.kinds] + ["how assets stand"] * sink.shows
         out.say(f"{sink.name}: is told {', '.join(what)} by {sink.address}")
@@ -101,6 +101,8 @@ def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
         known = f", of {', '.join(certificate.names)}" if certificate.names else ""
         out.say(f"TLS by {certificate.file}{known}, until {clock_text(certificate.until)}.")
         _warn_of_end(certificate, out.warn)
+    for doubt in doubts(site):
+        out.warn(doubt)
     out.record(
         {
             "record": "site",

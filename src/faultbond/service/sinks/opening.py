@@ -92,9 +92,9 @@ class _Asked:
             parts = urlsplit(self.options.to)
             port = parts.port
         except ValueError as error:
-            raise self.mistake(f"its host or port cannot be read ({error}).") from error
+            raise self.mistake(f"to: its host or port cannot be read ({error}).") from error
         if not parts.hostname or port == 0 or not self.options.to.isprintable() or " " in self.options.to:
-            raise self.mistake(f"name the host, as in {FORMS}.")
+            raise self.mistake(f"to: name the host, as in {FORMS}.")
         if parts.password is not None:
             raise self.mistake("a password does not stand in an address. Write it into a file, `password_file`.")
         return parts
@@ -104,7 +104,7 @@ class _Asked:
         given = ("user", "password_file", "authority", "certificate", "key", "token_file", "secret_file", "give_up")
         for key in given:
             if getattr(self.options, key) and key not in known:
-                raise self.mistake(f"`{key}` means nothing there.")
+                raise self.mistake(f"`{key}` means nothing with {self.options.to.partition('://')[0]}.")
 
     def secret(self, key: str) -> bytes:
         """Give what a file has; nothing where none is named."""
@@ -132,7 +132,7 @@ def _opened(asked: _Asked, filters: Mapping[str, str]) -> Sink:
     scheme, colon, _ = asked.options.to.partition("://")
     opened = OPENED.get(scheme.lower()) if colon else None
     if opened is None:
-        raise asked.mistake(f"expected {FORMS}.")
+        raise asked.mistake(f"to: expected {FORMS}.")
     return opened(asked, filters)
 
 
@@ -167,7 +167,7 @@ def _signing_secret(asked: _Asked) -> bytes:
         except binascii.Error as error:
             raise asked.mistake(f"what stands behind {SIGNING} in secret_file is no Base64.") from error
     if found and len(found) < LEAST_SECRET:
-        raise asked.mistake(f"the secret is short; take {LEAST_SECRET} bytes or more.")
+        raise asked.mistake(f"secret_file: the secret is short; take {LEAST_SECRET} bytes or more.")
     return found
 
 
