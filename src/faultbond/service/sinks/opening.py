@@ -205,6 +205,7 @@ def _mqtt(asked: _Asked, filters: Mapping[str, str]) -> Sink:
 def _opcua(asked: _Asked, filters: Mapping[str, str]) -> Sink:
     try:
         from faultbond.service.sinks.opcua import OpcUaSink, OwnServer  # noqa: PLC0415 - needs asyncua
+        from faultbond.service.sources.opcua_identity import read_identity  # noqa: PLC0415 - the same
     except ImportError as error:
         raise asked.mistake('OPC UA needs asyncua. Install it with: pip install "faultbond[opcua]"') from error
     asked.refuse_all_but("user", "password_file", "certificate", "key")
@@ -212,9 +213,10 @@ def _opcua(asked: _Asked, filters: Mapping[str, str]) -> Sink:
     password = asked.secret("password_file").decode()
     if not (options.certificate and options.key and options.user and password):
         raise asked.mistake("give a `certificate` and its `key`, and the `user` and `password_file` of who may read.")
-    for file in (options.certificate, options.key):
-        if not Path(file).is_file():
-            raise asked.mistake(f"there is no file {file}.")
+    try:
+        read_identity(options.certificate, options.key)
+    except FaultbondError as error:
+        raise asked.mistake(str(error)) from error
     if parts.port is None:
         raise asked.mistake("name the port at which clients read, such as 4841.")
     return OpcUaSink(

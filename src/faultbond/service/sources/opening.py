@@ -238,6 +238,7 @@ def _opcua(place: str, settings: Details, subscribers: Sequence[Subscriber], opt
     options = _policy(asked, options, subscribers)
     try:
         from faultbond.service.sources.opcua import POLICIES, OpcUaSource, Server  # noqa: PLC0415 - needs asyncua
+        from faultbond.service.sources.opcua_identity import certificate_of, read_identity  # noqa: PLC0415 - the same
     except ImportError as error:
         raise asked.mistake('OPC UA needs asyncua. Install it with: pip install "faultbond[opcua]"') from error
     policy = asked.text("security", "none" if options.unencrypted else SAFE)
@@ -245,9 +246,13 @@ def _opcua(place: str, settings: Details, subscribers: Sequence[Subscriber], opt
         raise asked.mistake(f"security={policy}: expected {', '.join(POLICIES)} or none.")
     if policy != "none" and not (options.certificate and options.key):
         raise asked.mistake("give a certificate and its key, or say security=none to let others read and change it.")
-    for file in (options.certificate, options.key, options.server_certificate):
-        if policy != "none" and file and not Path(file).is_file():
-            raise asked.mistake(f"there is no file {file}.")
+    if policy != "none":
+        try:
+            read_identity(options.certificate, options.key)
+            if options.server_certificate:
+                certificate_of(options.server_certificate)
+        except FaultbondError as error:
+            raise asked.mistake(str(error)) from error
     named = f"[{host}]" if ":" in host else host
     server = Server(
         url=f"opc.tcp://{named}:{port or 4840}{slash}{path}",
