@@ -4,7 +4,7 @@ import asyncio
 import logging
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from getpass import getpass
 from types import ModuleType
@@ -13,6 +13,7 @@ from faultbond.app.signals import STOPPING, Stopped
 from faultbond.errors import FaultbondError, Mistakes
 from faultbond.io.out import Out
 from faultbond.report.numbers import clock_text
+from faultbond.service.certificate_watch import CertificateWatch
 from faultbond.service.door import Certificate, bound
 from faultbond.service.log_lines import LogForm, logged
 from faultbond.service.sinks.opening import metrics_token, open_sinks
@@ -100,7 +101,8 @@ def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
     if certificate is not None:
         known = f", of {', '.join(certificate.names)}" if certificate.names else ""
         out.say(f"TLS by {certificate.file}{known}, until {clock_text(certificate.until)}.")
-        _warn_of_end(certificate, out.warn)
+        if certificate.ends_soon:
+            out.warn(f"{certificate.file}: the certificate ends at {clock_text(certificate.until)}. Renew it.")
     for doubt in doubts(site):
         out.warn(doubt)
     out.record(
@@ -113,11 +115,6 @@ def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
             "port": site.port,
         }
     )
-
-
-def _warn_of_end(certificate: Certificate | None, warn: Callable[[str], None]) -> None:
-    if certificate is not None and certificate.ends_soon:
-        warn(f"{certificate.file}: the certificate ends at {clock_text(certificate.until)}. Renew it.")
 
 
 def _web_server() -> ModuleType:
@@ -135,7 +132,6 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
 
     manager, door = ServiceManager(), bound(site)
     manager.tell(status="reads its store")
-    _warn_of_end(certificate, _LOG.warning)
     store = open_store(site.store, tell=_LOG.warning)
     try:
         service = Service(
@@ -167,10 +163,11 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
             showing = asyncio.create_task(server.serve(sockets=[door]))
             ended = asyncio.create_task(stopped.wait())
             alive = asyncio.create_task(reassure(manager, lambda: service.is_alive, lambda: _status(service)))
+            renewing = asyncio.create_task(CertificateWatch(site, certificate).run()) if certificate else None
             manager.tell(UnitState.READY)
             await asyncio.wait((watching, showing, ended), return_when=asyncio.FIRST_COMPLETED)
             manager.tell(UnitState.STOPPING, status="keeps its assets as they stand")
-            for task in (ended, alive, watching):
+            for task in filter(None, (ended, alive, renewing, watching)):
                 task.cancel()
             with suppress(asyncio.CancelledError):
                 await watching

@@ -280,7 +280,7 @@ def test_the_end_of_a_source_is_told() -> None:
     async def course(played: Played) -> None:
         played.source.ends.set()
         await played.until(lambda: not played.service.health()["ok"])
-        assert played.service.health()["parts"]["played:"]["trouble"] == "it has ended"
+        assert played.service.health()["parts"]["played:"]["trouble"] == "played: has ended"
 
     play(Played(last=100), course)
 
