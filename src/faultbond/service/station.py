@@ -30,7 +30,8 @@ from faultbond.service.wall_clock import WallClock
 
 MOST_WAITING = 1000  # arrivals and deeds between the sources and the worker; more wait in the sources
 MOST_TOGETHER = 200  # of them that make one transaction
-MOST_ROWS = 5000  # in it, and those of one arrival: a second or two, after which others may ask
+MOST_ROWS = 5000  # in it, and those of one arrival
+LONGEST_TURN = 0.5  # s that it should take, after which others may ask; after an alarm a row takes many times as long
 TICK = 1.0  # s between two looks at who has gone silent
 FORGET_EVERY = 600.0  # s between two looks at what is too old
 FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0  # s before a source that was lost is opened again
@@ -125,6 +126,7 @@ class Service:
         self._policy = policy or RestartPolicy()
         self._hub = Hub()
         self._inbox: asyncio.Queue[Arrivals | _Wish] = asyncio.Queue(MOST_WAITING)
+        self._most_rows = MOST_ROWS  # that are taken together, as fast as they have gone of late
         self._next: Arrivals | _Wish | None = None  # taken from it, to be done by itself
 
     async def run(self) -> None:
@@ -279,7 +281,11 @@ class Service:
         loop = asyncio.get_running_loop()
         while True:
             items = await self._gathered()
+            begun, n_rows = time.monotonic(), sum(map(_n_rows, items))
             done, error = await loop.run_in_executor(worker, self._take, items)
+            if n_rows:
+                fitting = n_rows * LONGEST_TURN / max(time.monotonic() - begun, 1e-6)
+                self._most_rows = int(min(max(fitting, 1.0), MOST_ROWS))
             if error is not None:
                 await self._settle(worker, items, error)
             self._answer(items, done)
@@ -329,7 +335,10 @@ class Service:
         first, self._next = self._next or await self._inbox.get(), None
         items, n_rows = [first], _n_rows(first)
         while (
-            len(items) < MOST_TOGETHER and n_rows < MOST_ROWS and not self._inbox.empty() and not _stands_alone(first)
+            len(items) < MOST_TOGETHER
+            and n_rows < self._most_rows
+            and not self._inbox.empty()
+            and not _stands_alone(first)
         ):
             item = self._inbox.get_nowait()
             if _stands_alone(item):

@@ -1,6 +1,7 @@
 """The service at work: sources that fail and come back, a store that does, people, and who listens."""
 
 import asyncio
+import time
 from collections.abc import AsyncGenerator, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -184,6 +185,7 @@ def test_who_wants_something_while_the_store_is_gone_is_refused_in_time(monkeypa
 def test_what_waits_is_taken_in_portions(monkeypatch: pytest.MonkeyPatch) -> None:
     """However much came at once, as after a night without the service: others may ask between two of them."""
     monkeypatch.setattr("faultbond.service.station.MOST_ROWS", 120)
+    monkeypatch.setattr("faultbond.service.station.LONGEST_TURN", float("inf"))
     taken: list[int] = []
 
     class Listing(MemoryStore):
@@ -197,6 +199,26 @@ def test_what_waits_is_taken_in_portions(monkeypatch: pytest.MonkeyPatch) -> Non
     play(Played(Listing(), portion=50), course)
     assert sum(taken) == FOUND
     assert max(taken) == 150  # the portion with which there are enough is the last
+
+
+def test_slow_rows_are_taken_in_smaller_portions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after an alarm, of which each takes many times as long: who asks meanwhile is not kept waiting for all."""
+    monkeypatch.setattr("faultbond.service.station.LONGEST_TURN", 0.1)
+    taken: list[int] = []
+
+    class Slow(MemoryStore):
+        def commit(self, parts: Sequence[Commit]) -> None:
+            n_rows = sum(len(part.rows) for part in parts if part.rows is not None)
+            taken.append(n_rows)
+            time.sleep(2e-3 * n_rows)
+            super().commit(parts)
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(FOUND))
+
+    play(Played(Slow(), portion=5), course)
+    assert sum(taken) == FOUND
+    assert max(taken[len(taken) // 2 :]) <= 55  # a tenth of a second's rows, and the portion that makes them enough
 
 
 def test_a_store_that_cannot_be_read_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
