@@ -1,8 +1,14 @@
 """Exceptions: each message names the user's thing, what was expected, and what to do."""
 
+import re
 import unicodedata
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
 
 CONTROLS = ("Cc", "Cf", "Cs", "Zl", "Zp")  # categories of Unicode
+_LINE = re.compile(r":([0-9]+): ")  # behind the name of a file
+_Found = TypeVar("_Found")
 
 
 class FaultbondError(Exception):
@@ -55,6 +61,72 @@ class RefusedError(SinkError):
 
 class StoreError(FaultbondError):
     """What the service has to keep cannot be written or read."""
+
+
+class AbsentStoreError(StoreError):
+    """There is no store where one is to be read."""
+
+
+class ManyMistakesError(FaultbondError):
+    """Several mistakes, a line of the message each."""
+
+
+class Mistakes:
+    """Mistakes that are found one after the other, where one can go on.
+
+    Example
+    -------
+    >>> found = Mistakes()
+    >>> for line in (7, 3):
+    ...     with found.noted():
+    ...         raise ModelError(f"site.yaml:{line}: port is missing")
+    >>> found.tell()
+    Traceback (most recent call last):
+    ...
+    faultbond.errors.ManyMistakesError: site.yaml:3: port is missing
+    site.yaml:7: port is missing
+    """
+
+    def __init__(self) -> None:
+        self._found: list[FaultbondError] = []
+
+    def note(self, mistake: FaultbondError) -> None:
+        """Take a mistake; what is told already is not told again."""
+        if str(mistake) not in map(str, self._found):
+            self._found.append(mistake)
+
+    @contextmanager
+    def noted(self) -> Iterator[None]:
+        """Take a mistake that is raised inside, and go on behind it."""
+        try:
+            yield
+        except FaultbondError as mistake:
+            self.note(mistake)
+
+    def or_else(self, read: Callable[[], _Found], missing: _Found) -> _Found:
+        """Give what is read, or something else where that is a mistake."""
+        with self.noted():
+            return read()
+        return missing
+
+    def tell(self) -> None:
+        """Raise what was found, by lines of the file; nothing where there is none.
+
+        Raises
+        ------
+        FaultbondError
+            The one mistake, or all of them.
+        """
+        if len(self._found) == 1:
+            raise self._found[0]
+        if self._found:
+            raise ManyMistakesError("\n".join(sorted(map(str, self._found), key=_line)))
+
+
+def _line(message: str) -> int:
+    """Give the line of a file that a message begins with; 0 where it names none."""
+    found = _LINE.search(message)
+    return int(found[1]) if found else 0
 
 
 def plain(text: str) -> str:

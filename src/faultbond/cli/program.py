@@ -15,7 +15,7 @@ from faultbond import app
 from faultbond.app.signals import SIGNALLED, Stopped, Stopping
 from faultbond.cli.arguments import DONE, FAULT_DETECTED, NO_VERDICT, Parser, VerbCall, add_verbs
 from faultbond.cli.outputs import check_outputs
-from faultbond.errors import FaultbondError, NoVerdictError, one_line
+from faultbond.errors import FaultbondError, ManyMistakesError, NoVerdictError, one_line
 from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.out import STANDARD_OUTPUT, drop_output, open_out
 
@@ -91,6 +91,8 @@ def _guarded(argv: Sequence[str] | None) -> int:
                 stream.reconfigure(encoding="utf-8")
         code = _execute(argv)
         sys.stdout.flush()
+    except ManyMistakesError as error:
+        return max(_complain(line, USER_MISTAKE) for line in str(error).splitlines())
     except FaultbondError as error:
         return _complain(str(error), NO_VERDICT if isinstance(error, NoVerdictError) else USER_MISTAKE)
     except (BrokenPipeError, SystemExit) as error:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from faultbond.cli.values import level, whole_number
-from faultbond.errors import FaultbondError
+from faultbond.errors import FaultbondError, Mistakes
 from faultbond.io.out import Out
 
 
@@ -46,10 +46,11 @@ def start_service(arguments: argparse.Namespace, out: Out) -> None:
     source, store, port = arguments.source, arguments.store, arguments.port
     if arguments.site is not None and (arguments.models or source or store or arguments.accept):
         raise FaultbondError("--site: models, --source, --store and --accept stand in the site file then.")
+    mistakes = Mistakes()
     site = (
-        read_site(arguments.site, port=port)
+        read_site(arguments.site, port=port, mistakes=mistakes)
         if arguments.site is not None
         else site_of(arguments.models, source=source, store=store, port=port, accept=arguments.accept)
     )
     form = None if arguments.log is None else LogForm(arguments.log)
-    serve(site, check=arguments.check, log=form, out=out)
+    serve(site, check=arguments.check, log=form, out=out, mistakes=mistakes)

@@ -38,8 +38,8 @@ class ModelDocument:
 ModelFile: TypeAlias = str | os.PathLike[str] | ModelDocument  # a path, or what was read of it
 
 
-def read_document(path: ModelFile) -> ModelDocument:
-    """Read a model file, 1 MiB at most; one that was read is given back.
+def read_document(path: ModelFile, what: str = "model file") -> ModelDocument:
+    """Read a model file, or another one of its kind, 1 MiB at most; one that was read is given back.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def read_document(path: ModelFile) -> ModelDocument:
             data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "not a file name"
-        raise ModelError(f"{label}: cannot be read: {reason}; give the path of a model file") from None
+        raise ModelError(f"{label}: cannot be read: {reason}; give the path of a {what}") from None
     if len(data) > MAX_BYTES:
         raise ModelError(f"{label}: more than {MAX_BYTES} bytes; split the plant into several models")
     return ModelDocument(label=label, data=data)

@@ -73,10 +73,11 @@ def choice(word: str, known: Iterable[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where a model comes from; starts every message about it."""
+    """Where a model comes from; starts every message about it. what: the word for such a file."""
 
     label: str
     has_lines: bool = True
+    what: str = "model"
 
     def at(self, place: Node | Entry | int) -> str:
         """Give the start of a message: `model.yaml:12: ` or `model pump: `."""

@@ -1,8 +1,8 @@
 """Things of the model's text by their place: what stands there as a number, a time, a name, or why it cannot."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 from faultbond.errors import ModelError
 from faultbond.model.keys import Keys
@@ -107,13 +107,16 @@ class Spot:
             name = check_name(self.source, entry, self.words) if checked else shown(entry.key)
             yield Spot(self.source, f"{word} {name}", entry)
 
-    def fields(self, keys: Keys, prefix: str | None = None) -> dict[str, "Spot"]:
+    def fields(
+        self, keys: Keys, prefix: str | None = None, *, note: Callable[[ModelError], None] | None = None
+    ) -> dict[str, "Spot"]:
         """Give the places of a table by key.
 
         Parameters
         ----------
         keys : what may stand there
         prefix : start of the words for what is inside; by default the words for the table
+        note : takes each mistake, and the others are given; None: the first is raised
 
         Raises
         ------
@@ -124,17 +127,18 @@ class Spot:
         if isinstance(self.entry.value, Text) and keys.short and not (self.is_empty and keys.may_be_empty):
             short = Entry(keys.short, self.entry.value, self.line)
             return {keys.short: Spot(self.source, prefix + keys.short, short)}
+        note = note or _raised
         found = {entry.key: Spot(self.source, prefix + entry.key, entry) for entry in self.entries()}
         for key, place in found.items():
             if key not in keys.known:
                 advice, value = choice(key, keys.known), place.entry.value
                 if not NAME.fullmatch(key) and isinstance(value, Text) and not value.value:
                     advice = "put quotes round a text with a comma"
-                raise self.source.error(place.entry, f"{self.words}: unknown key `{shown(key)}`; {advice}")
+                note(self.source.error(place.entry, f"{self.words}: unknown key `{shown(key)}`; {advice}"))
         for key, about in keys.known.items():
             if about.missing and key not in found:
-                raise self.source.error(self.entry, f"{prefix}`{key}` is missing; {about.missing}")
-        return found
+                note(self.source.error(self.entry, f"{prefix}`{key}` is missing; {about.missing}"))
+        return {key: place for key, place in found.items() if key in keys.known}
 
     def quantity(self, default: Measure | None = None, mark: str = " ") -> Quantity:
         """Give its quantity; a number without unit has the default one."""
@@ -253,6 +257,10 @@ class Spot:
         """
         if seconds > LONGEST:
             raise self.error(f"{what} is longer than any plant runs; check the number and its unit")
+
+
+def _raised(error: ModelError) -> NoReturn:
+    raise error
 
 
 def check_name(source: Source, entry: Entry, section: str) -> str:

@@ -72,7 +72,7 @@ class _Composer:
         next(self.events)
         start = next(self.events)
         if isinstance(start, StreamEndEvent):
-            raise self.source.error(1, "the model is empty; start with `name:`")
+            raise self.source.error(1, f"the {self.source.what} is empty; start with `name:`")
         if isinstance(start, DocumentStartEvent) and (start.tags or start.version):
             raise self.source.error(1, "a `%` directive; remove it, a model is plain YAML")
         top = self.node(next(self.events), 1)
@@ -80,7 +80,9 @@ class _Composer:
         if not isinstance(next(self.events), StreamEndEvent):
             raise self.source.error(0, "more than one document (`---`); put each model into its own file")
         if not isinstance(top, Table):
-            raise self.source.error(top.line or 1, "a model is a table of `key: value`; start with `name:`")
+            raise self.source.error(
+                top.line or 1, f"a {self.source.what} is a table of `key: value`; start with `name:`"
+            )
         return top
 
     def node(self, event: Event, depth: int) -> Node:

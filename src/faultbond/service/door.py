@@ -34,6 +34,11 @@ class Certificate:
         return self.until - time.time() < SOON
 
 
+def _mistake(site: Site, key: str, problem: str) -> FaultbondError:
+    """Give the error that says what is wrong with what the file says of `listen`."""
+    return FaultbondError(f"{site.at(key)}listen: {problem}")
+
+
 def refuse_open_door(site: Site) -> None:
     """Refuse to be reached from elsewhere where nobody has to log in, or where others could read how somebody does.
 
@@ -43,9 +48,11 @@ def refuse_open_door(site: Site) -> None:
         Where it is so.
     """
     if site.names and not site.users:
-        raise FaultbondError(
-            f"listen: names: whoever asks for {site.names[0]} through a proxy would be an engineer, and there are no "
-            "users. Name them in the site file."
+        raise _mistake(
+            site,
+            "names",
+            f"names: whoever asks for {site.names[0]} through a proxy would be an engineer, and there are no "
+            "users. Name them in the site file.",
         )
     with suppress(ValueError):
         if ip_address(site.host).is_loopback:
@@ -53,14 +60,18 @@ def refuse_open_door(site: Site) -> None:
     if site.host == LOOPBACK_NAME:
         return
     if not site.users:
-        raise FaultbondError(
-            f"listen: {site.host} can be reached from elsewhere, and there are no users. Name them in the site file, "
-            "or listen on 127.0.0.1."
+        raise _mistake(
+            site,
+            "address",
+            f"{site.host} can be reached from elsewhere, and there are no users. Name them in the site file, "
+            "or listen on 127.0.0.1.",
         )
     if not site.certificate and not site.unencrypted:
-        raise FaultbondError(
-            f"listen: {site.host} can be reached from elsewhere, and passwords could be read on the way. Name "
-            "`certificate` and `key`, or say `unencrypted: yes` where a proxy with TLS stands before it."
+        raise _mistake(
+            site,
+            "address",
+            f"{site.host} can be reached from elsewhere, and passwords could be read on the way. Name "
+            "`certificate` and `key`, or say `unencrypted: yes` where a proxy with TLS stands before it.",
         )
 
 
@@ -76,8 +87,9 @@ def bound(site: Site) -> socket.socket:
     try:
         return socket.create_server((site.host, site.port), family=family, backlog=256)
     except OSError as error:
+        advice = "Name another port, there or by --port." if "port" in site.places else "Name another by --port."
         raise FaultbondError(
-            f"{site.host}:{site.port}: cannot listen there: {error.strerror or error}. Name another by --port."
+            f"{site.at('port')}{site.host}:{site.port}: cannot listen there: {error.strerror or error}. {advice}"
         ) from error
 
 
@@ -92,17 +104,17 @@ def read_certificate(site: Site) -> Certificate | None:
     if not site.certificate:
         return None
     _check_readable(site)
-    browser = _browser(site.certificate)
+    browser = _browser(site)
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)  # TLS 1.2 and later
     try:
         context.load_cert_chain(site.certificate, site.key, password=lambda: "")
     except ssl.SSLError as error:
         if error.reason in STRANGERS:
-            told = f"listen: certificate {site.certificate} and key {site.key} do not belong together."
-            raise FaultbondError(told) from error
-        told = f"listen: key {site.key}: this is no key in PEM, or it has a passphrase. Give one without."
-        raise FaultbondError(told) from error
-    found = _seen(context, browser, site.certificate)
+            problem = f"certificate {site.certificate} and key {site.key} do not belong together."
+            raise _mistake(site, "certificate", problem) from error
+        problem = f"key {site.key}: this is no key in PEM, or it has a passphrase. Give one without."
+        raise _mistake(site, "key", problem) from error
+    found = _seen(context, browser, site)
     names = tuple(name for kind, name in found.get("subjectAltName", ()) if kind in ("DNS", "IP Address"))
     until = float(ssl.cert_time_to_seconds(found["notAfter"]))
     return Certificate(file=site.certificate, context=context, names=names, until=until)
@@ -113,22 +125,24 @@ def _check_readable(site: Site) -> None:
         try:
             Path(file).read_bytes()
         except OSError as error:
-            raise FaultbondError(f"listen: {name} {file}: cannot be read: {error.strerror or error}.") from error
+            problem = f"{name} {file}: cannot be read: {error.strerror or error}."
+            raise _mistake(site, name, problem) from error
 
 
-def _browser(file: str) -> ssl.SSLContext:
+def _browser(site: Site) -> ssl.SSLContext:
     """Give somebody who trusts a certificate itself, whoever signed it."""
     made = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     made.check_hostname = False
     made.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
     try:
-        made.load_verify_locations(file)
+        made.load_verify_locations(site.certificate)
     except ssl.SSLError as error:
-        raise FaultbondError(f"listen: certificate {file}: this is no certificate in PEM.") from error
+        problem = f"certificate {site.certificate}: this is no certificate in PEM."
+        raise _mistake(site, "certificate", problem) from error
     return made
 
 
-def _seen(context: ssl.SSLContext, browser: ssl.SSLContext, file: str) -> dict[str, Any]:
+def _seen(context: ssl.SSLContext, browser: ssl.SSLContext, site: Site) -> dict[str, Any]:
     """Give what a certificate says, after a handshake with a browser."""
     there, back = ssl.MemoryBIO(), ssl.MemoryBIO()
     client = browser.wrap_bio(back, there)
@@ -141,5 +155,6 @@ def _seen(context: ssl.SSLContext, browser: ssl.SSLContext, file: str) -> dict[s
     except ssl.SSLCertVerificationError as error:
         known = {EXPIRED: "it has expired. Renew it", NOT_YET: "its time has not begun. Look at the clock"}
         why = known.get(error.verify_code, f"a browser would refuse it: {error.verify_message}")
-        raise FaultbondError(f"listen: certificate {file}: {why}.") from error
+        problem = f"certificate {site.certificate}: {why}."
+        raise _mistake(site, "certificate", problem) from error
     return dict(client.getpeercert() or {})

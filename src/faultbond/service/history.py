@@ -259,7 +259,7 @@ def _words(content: Mapping[str, Any]) -> Iterator[str]:
     if content.get("change_time") is not None:
         yield f"begun about {clock_text(content['change_time'])}"
     for candidate in [item for item in content.get("candidates", ()) if item.get("group")]:
-        yield f"{_suspects(candidate)} {probability_text(candidate['probability'])}"
+        yield f"{_suspects(candidate)} {probability_text(candidate['probability'])} %"
     if content.get("by"):
         yield f"{_suspects(content)}, by {content['by']}"
 

@@ -4,23 +4,24 @@ import asyncio
 import logging
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from getpass import getpass
 from types import ModuleType
 
 from faultbond.app.signals import STOPPING, Stopped
-from faultbond.errors import FaultbondError
+from faultbond.errors import FaultbondError, Mistakes
 from faultbond.io.out import Out
 from faultbond.report.numbers import clock_text
-from faultbond.service.contract.source import Subscriber
-from faultbond.service.door import Certificate, bound, read_certificate, refuse_open_door
+from faultbond.service.certificate_watch import CertificateWatch
+from faultbond.service.door import Certificate, bound
 from faultbond.service.log_lines import LogForm, logged
 from faultbond.service.sinks.opening import metrics_token, open_sinks
 from faultbond.service.sinks.options import KINDS
 from faultbond.service.site import Site
+from faultbond.service.site_check import check_site, doubts
 from faultbond.service.site_log import Done
-from faultbond.service.sources.opening import open_source
+from faultbond.service.sources.opening import open_source, shown_address
 from faultbond.service.station import Service
 from faultbond.service.store.address import shown_store
 from faultbond.service.store.opening import open_store
@@ -33,11 +34,13 @@ _LOG = logging.getLogger(__name__)
 GRACE = 5  # s that answers which are being given have at the end
 
 
-def serve(site: Site, *, out: Out, check: bool = False, log: LogForm | None = None) -> None:
+def serve(
+    site: Site, *, out: Out, check: bool = False, log: LogForm | None = None, mistakes: Mistakes | None = None
+) -> None:
     """Watch a site and show it, until a signal comes; then every asset is kept as it stands.
 
     check: only say what would be watched, once it is known that it can be. log: how standard error is written; None:
-    as it suits that.
+    as it suits that. mistakes: what is known to be wrong with the site; it is told with all else that is.
 
     Raises
     ------
@@ -50,8 +53,7 @@ def serve(site: Site, *, out: Out, check: bool = False, log: LogForm | None = No
         When a signal came.
     """
     uvicorn = _web_server()
-    refuse_open_door(site)
-    certificate = read_certificate(site)
+    certificate = check_site(site, mistakes or Mistakes(), store=check)
     if check:
         _tell(site, certificate, out)
         return
@@ -86,11 +88,10 @@ def hash_password(out: Out) -> None:
 def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
     """Say what a site watches."""
     for item in site.assets:
-        subscriber = Subscriber(asset=item.name, columns=item.plant.columns, graph=item.plant.graph)
-        open_source(item.source, [subscriber], site.options(item.source))
         rule = "" if item.accept is None else f"; accepts what is {item.accept:g} sure"
-        out.say(f"{item.name}: {item.plant.graph.name} ({item.plant.document[0]}) from {item.source}{rule}")
-    metrics_token(site.tell)
+        topic = f", topic {item.topic}" if item.topic else ""
+        model, source = item.plant.document[0], shown_address(item.source)
+        out.say(f"{item.name}: {item.plant.graph.name} ({model}) from {source}{topic}{rule}")
     for sink in open_sinks(site.tell, site.topics()):
         what = [kind for kind in KINDS if kind in sink.kinds] + ["how assets stand"] * sink.shows
         out.say(f"{sink.name}: is told {', '.join(what)} by {sink.address}")
@@ -100,7 +101,10 @@ def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
     if certificate is not None:
         known = f", of {', '.join(certificate.names)}" if certificate.names else ""
         out.say(f"TLS by {certificate.file}{known}, until {clock_text(certificate.until)}.")
-        _warn_of_end(certificate, out.warn)
+        if certificate.ends_soon:
+            out.warn(f"{certificate.file}: the certificate ends at {clock_text(certificate.until)}. Renew it.")
+    for doubt in doubts(site):
+        out.warn(doubt)
     out.record(
         {
             "record": "site",
@@ -111,11 +115,6 @@ def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
             "port": site.port,
         }
     )
-
-
-def _warn_of_end(certificate: Certificate | None, warn: Callable[[str], None]) -> None:
-    if certificate is not None and certificate.ends_soon:
-        warn(f"{certificate.file}: the certificate ends at {clock_text(certificate.until)}. Renew it.")
 
 
 def _web_server() -> ModuleType:
@@ -133,7 +132,6 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
 
     manager, door = ServiceManager(), bound(site)
     manager.tell(status="reads its store")
-    _warn_of_end(certificate, _LOG.warning)
     store = open_store(site.store, tell=_LOG.warning)
     try:
         service = Service(
@@ -167,10 +165,11 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
             showing = asyncio.create_task(server.serve(sockets=[door]))
             ended = asyncio.create_task(stopped.wait())
             alive = asyncio.create_task(reassure(manager, lambda: service.is_alive, lambda: _status(service)))
+            renewing = asyncio.create_task(CertificateWatch(site, certificate).run()) if certificate else None
             manager.tell(UnitState.READY)
             await asyncio.wait((watching, showing, ended), return_when=asyncio.FIRST_COMPLETED)
             manager.tell(UnitState.STOPPING, status="keeps its assets as they stand")
-            for task in (ended, alive, watching):
+            for task in filter(None, (ended, alive, renewing, watching)):
                 task.cancel()
             with suppress(asyncio.CancelledError):
                 await watching

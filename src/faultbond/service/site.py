@@ -8,18 +8,18 @@ from typing import Any
 
 from faultbond.app.plant import WatchedPlant, find_plant
 from faultbond.app.wishes import DEMO, Wanted
-from faultbond.errors import FaultbondError, ModelError
+from faultbond.errors import FaultbondError, Mistakes, ModelError
 from faultbond.io.examples import example
 from faultbond.model.document import read_document
 from faultbond.model.keys import TEXT, Key, Keys
 from faultbond.model.source import Entry, Source, choice, shown, shown_path
-from faultbond.model.spot import Spot
+from faultbond.model.spot import Spot, check_name
 from faultbond.model.yaml_nodes import read_yaml
 from faultbond.service.offline.limits import OfflineLimits
 from faultbond.service.sinks.options import KINDS, SinkOptions
 from faultbond.service.site_numbers import read_number, read_size
 from faultbond.service.site_offline import read_limits
-from faultbond.service.sources.opening import topic_filters
+from faultbond.service.sources.opening import OPENED, shown_address, topic_filters
 from faultbond.service.sources.options import SourceOptions
 from faultbond.service.web.security import check_hash
 from faultbond.types import LOWEST_LEVEL, TimeGrid
@@ -27,6 +27,7 @@ from faultbond.types import LOWEST_LEVEL, TimeGrid
 HOST, PORT = "127.0.0.1", 8350
 STORE = Path("faultbond.sqlite")
 SIMULATED = "sim:"
+STREAM = "-"  # standard input
 SHOWN = "sim:?speed=5&fault=K1=x1.85@300"  # of the built-in plant: after a minute, when much flows through the pipe
 LEAST_STORE = 10**7  # bytes of a store that is bounded: what is never forgotten has to fit, too
 ROLES = ("view", "operate", "engineer")
@@ -79,6 +80,11 @@ USER_KEYS = Keys(
         "password": Key(TEXT, missing="write the hash that `faultbond serve --hash` gives"),
     }
 )
+OF_SOURCES = {  # keys of an asset that mean something with some sources only: their schemes, and who that is
+    "topic": (("mqtt", "mqtts"), "mqtt:// and mqtts://"),
+    "nodes": (("opc.tcp",), "opc.tcp://"),
+    "hold": (("mqtt", "mqtts", "opc.tcp"), "mqtt://, mqtts:// and opc.tcp://"),
+}
 SINK_FILES = ("password_file", "authority", "certificate", "key", "token_file", "secret_file")
 SINK_KEYS = Keys(
     {
@@ -96,13 +102,15 @@ SINK_KEYS = Keys(
 class SiteAsset:
     """An asset.
 
-    source: address of its source. accept: probability from which a rule accepts, or None. topic, nodes, hold: see
-    `SourceOptions`; empty where the source finds its values by itself, hold None where the model says what holds.
+    source: address of its source. where: start of a message about that, with file and line. accept: probability from
+    which a rule accepts, or None. topic, nodes, hold: see `SourceOptions`; empty where the source finds its values by
+    itself, hold None where the model says what holds.
     """
 
     name: str
     plant: WatchedPlant
     source: str = SIMULATED
+    where: str = ""
     accept: float | None = None
     topic: str = ""
     nodes: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
@@ -127,7 +135,8 @@ class Site:
     rows and curves are kept; None: for ever. size: bytes of the store from which on the oldest of them go; None: it has
     no bound. users: none: whoever sits at this machine is an engineer. connection: names and files of the log-in at
     sources, as the fields of `SourceOptions`. tell: whom it tells. offline: limits of analyses of what people bring;
-    None: there are none.
+    None: there are none. places: starts of messages about what the file says of `store`, `listen`, `connection` and
+    keys in `listen`, with file and line.
     """
 
     name: str
@@ -145,6 +154,7 @@ class Site:
     connection: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     tell: tuple[SinkOptions, ...] = ()
     offline: OfflineLimits | None = None
+    places: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
     def options(self, address: str) -> SourceOptions:
         """Give what is said of a source beside its address."""
@@ -157,6 +167,10 @@ class Site:
             hold=hold or None,
             **more,
         )
+
+    def at(self, key: str) -> str:
+        """Give the start of a message about what the file says of `key`, or of all of `listen`."""
+        return self.places.get(key) or (self.places.get("listen", "") if key in LISTEN_KEYS.known else "")
 
     def topics(self) -> dict[str, str]:
         """Give the filters of MQTT topics that are read, by asset."""
@@ -197,36 +211,60 @@ def site_of(
     )
 
 
-def read_site(path: Path, *, port: int | None = None) -> Site:
-    """Give the site of a file; paths in it are taken from where it lies. port: another one than the file says.
+def read_site(path: Path, *, port: int | None = None, mistakes: Mistakes | None = None) -> Site:
+    """Give the site of a file; paths in it are taken from where it lies.
+
+    Parameters
+    ----------
+    path : the file
+    port : another one than the file says
+    mistakes : takes what is wrong, and the site is given as far as it can be read; None: that is raised
 
     Raises
     ------
-    ModelError
-        Where the file cannot be read or says what no site has, by its line.
+    FaultbondError
+        Where the file cannot be read or says what no site has, all of it by its lines.
     """
-    document = read_document(path)
-    source, folder = Source(document.label), path.parent
-    told = Spot(source, "site", Entry("", read_yaml(document.text, source))).fields(SITE_KEYS, prefix="")
-    listen = told["listen"].fields(LISTEN_KEYS) if "listen" in told else {}
-    keep = told["keep"].fields(KEEP_KEYS) if "keep" in told else {}
-    own = read_number(listen, "port", 0.0, 65535.0)
-    store = _beside(folder, _text(told, "store", str(STORE)))
-    usual = OfflineLimits(folder=_offline_folder(folder, store))
-    return Site(
-        name=_text(told, "name", path.stem),
-        assets=tuple(_assets(told, folder)),
-        store=store,
-        host=_text(listen, "address", HOST),
-        port=port if port is not None else PORT if own is None else int(own),
-        **_encryption(listen, folder),
-        days=read_number(keep, "days", 1e-3, 1e6),
-        size=read_size(keep, "size", LEAST_STORE),
-        users=MappingProxyType(dict(_users(told["users"])) if "users" in told else {}),
-        connection=MappingProxyType(dict(_connection(told["connection"], folder)) if "connection" in told else {}),
-        tell=tuple(_sinks(told["tell"], folder)) if "tell" in told else (),
-        offline=read_limits(told["offline"], folder, usual) if "offline" in told else usual,
+    found = mistakes or Mistakes()
+    document = read_document(path, "site file")
+    source, folder = Source(document.label, what="site file"), path.parent
+    told = Spot(source, "site", Entry("", read_yaml(document.text, source))).fields(SITE_KEYS, "", note=found.note)
+
+    def section(key: str, keys: Keys) -> dict[str, Spot]:
+        return found.or_else(lambda: told[key].fields(keys, note=found.note) if key in told else {}, {})
+
+    listen, keep, connection = (
+        section(*item) for item in (("listen", LISTEN_KEYS), ("keep", KEEP_KEYS), ("connection", CONNECTION_KEYS))
     )
+    encryption: dict[str, Any] = found.or_else(lambda: _encryption(listen, folder), {})
+    own = found.or_else(lambda: read_number(listen, "port", 0.0, 65535.0), None)
+    store = _beside(folder, found.or_else(lambda: _text(told, "store", str(STORE)), str(STORE)))
+    usual = OfflineLimits(folder=_offline_folder(folder, store))
+    site = Site(
+        name=found.or_else(lambda: _text(told, "name", path.stem), path.stem),
+        assets=tuple(_assets(told, folder, found)),
+        store=store,
+        host=found.or_else(lambda: _text(listen, "address", HOST), HOST),
+        port=port if port is not None else PORT if own is None else int(own),
+        **encryption,
+        days=found.or_else(lambda: read_number(keep, "days", 1e-3, 1e6), None),
+        size=found.or_else(lambda: read_size(keep, "size", LEAST_STORE), None),
+        users=MappingProxyType(dict(_users(told["users"], found)) if "users" in told else {}),
+        connection=MappingProxyType(dict(_connection(connection, folder, found))),
+        tell=tuple(_sinks(told["tell"], folder, found)) if "tell" in told else (),
+        offline=found.or_else(lambda: read_limits(told["offline"], folder, usual), usual)
+        if "offline" in told
+        else usual,
+        places=MappingProxyType({key: _place(place) for key, place in {**told, **listen}.items()}),
+    )
+    if mistakes is None:
+        found.tell()
+    return site
+
+
+def _place(spot: Spot) -> str:
+    """Give where something stands, as the start of a message that has words of its own."""
+    return spot.source.at(spot.entry)
 
 
 def _encryption(listen: Mapping[str, Spot], folder: Path) -> dict[str, Any]:
@@ -244,28 +282,60 @@ def _encryption(listen: Mapping[str, Spot], folder: Path) -> dict[str, Any]:
     }
 
 
-def _assets(told: Mapping[str, Spot], folder: Path) -> Iterator[SiteAsset]:
+def _assets(told: Mapping[str, Spot], folder: Path, mistakes: Mistakes) -> Iterator[SiteAsset]:
     """Read the assets; what one does not say is what the site says."""
-    if not told["assets"].entries():
-        raise told["assets"].error(f" are none; {ASSETS}")
-    usual, accept = _text(told, "source", SIMULATED), read_number(told, "accept", LOWEST_LEVEL, 1.0)
-    for place in told["assets"].things("asset"):
-        fields = place.fields(ASSET_KEYS)
-        own = read_number(fields, "accept", LOWEST_LEVEL, 1.0)
-        nodes = (
-            {entry.name: entry.text() for entry in fields["nodes"].things("node", checked=False)}
-            if "nodes" in fields
-            else {}
-        )
-        yield SiteAsset(
-            name=place.name,
-            plant=_plant(_model(fields["model"], folder)),
-            source=_text(fields, "source", usual),
-            accept=accept if own is None else own,
-            topic=_text(fields, "topic"),
-            nodes=MappingProxyType(nodes),
-            hold=tuple(item.text() for item in fields["hold"].items()) if "hold" in fields else None,
-        )
+    usual = mistakes.or_else(lambda: _text(told, "source", SIMULATED), SIMULATED)
+    accept = mistakes.or_else(lambda: read_number(told, "accept", LOWEST_LEVEL, 1.0), None)
+    with mistakes.noted():
+        if "assets" in told and not told["assets"].entries():
+            raise told["assets"].error(f" are none; {ASSETS}")
+    for place in _things(told, "assets", "asset", mistakes):
+        with mistakes.noted():
+            check_name(place.source, place.entry, "assets")
+            fields = place.fields(ASSET_KEYS, note=mistakes.note)
+            address = _address(_text(fields, "source", usual), folder)
+            with mistakes.noted():
+                _refuse_stray(fields, address)
+            if "model" in fields:
+                own = read_number(fields, "accept", LOWEST_LEVEL, 1.0)
+                yield SiteAsset(
+                    name=place.name,
+                    plant=_plant(_model(fields["model"], folder)),
+                    source=address,
+                    where=_place(fields.get("source") or told.get("source") or place),
+                    accept=accept if own is None else own,
+                    topic=_text(fields, "topic"),
+                    nodes=MappingProxyType(_nodes(fields)),
+                    hold=tuple(item.text() for item in fields["hold"].items()) if "hold" in fields else None,
+                )
+
+
+def _address(source: str, folder: Path) -> str:
+    """Give the address of a source; a file is taken from where the site file lies."""
+    scheme, colon, path = source.partition(":")
+    is_own = scheme.lower() == "file" and path and not path.startswith(("/", "~"))
+    return f"{scheme}{colon}{folder / path}" if is_own else source
+
+
+def _things(told: Mapping[str, Spot], key: str, word: str, mistakes: Mistakes) -> Sequence[Spot]:
+    """Give the named things of a section, as many as can be read."""
+    return mistakes.or_else(lambda: list(told[key].things(word, checked=False)), []) if key in told else []
+
+
+def _refuse_stray(fields: Mapping[str, Spot], address: str) -> None:
+    """Refuse what means nothing with a source."""
+    scheme = address.partition(":")[0].lower()
+    for key, (known, kind) in OF_SOURCES.items():
+        if key in fields and scheme in (*OPENED, STREAM) and scheme not in known:
+            raise fields[key].error(f" means nothing with the source {shown_address(address)}; it is of {kind}")
+
+
+def _nodes(fields: Mapping[str, Spot]) -> dict[str, str]:
+    return (
+        {entry.name: entry.text() for entry in fields["nodes"].things("node", checked=False)}
+        if "nodes" in fields
+        else {}
+    )
 
 
 def _model(place: Spot, folder: Path) -> Path:
@@ -276,39 +346,70 @@ def _model(place: Spot, folder: Path) -> Path:
     return path
 
 
-def _users(listed: Spot) -> Iterator[tuple[str, User]]:
-    for place in listed.things("user", checked=False):
-        fields = place.fields(USER_KEYS)
-        role = fields["role"].text()
-        if role not in ROLES:
-            raise fields["role"].error(f" `{shown(role)}` is no role; {choice(role, ROLES)}")
-        try:
-            check_hash(password := fields["password"].text())
-        except FaultbondError:
-            raise fields["password"].error(" is to be a hash, as `faultbond serve --hash` prints it") from None
-        yield place.name, User(name=place.name, role=role, password=password)
+def _users(listed: Spot, mistakes: Mistakes) -> Iterator[tuple[str, User]]:
+    for place in _things({"users": listed}, "users", "user", mistakes):
+        with mistakes.noted():
+            fields = place.fields(USER_KEYS, note=mistakes.note)
+            role = password = ""
+            if "role" in fields:
+                with mistakes.noted():
+                    role = _role(fields["role"])
+            if "password" in fields:
+                with mistakes.noted():
+                    password = _hash(fields["password"])
+            yield place.name, User(name=place.name, role=role, password=password)
 
 
-def _connection(told: Spot, folder: Path) -> Iterator[tuple[str, str]]:
+def _role(place: Spot) -> str:
+    role = place.text()
+    if role not in ROLES:
+        raise place.error(f" `{shown(role)}` is no role; {choice(role, ROLES)}")
+    return role
+
+
+def _hash(place: Spot) -> str:
+    password = place.text()
+    try:
+        check_hash(password)
+    except FaultbondError:
+        raise place.error(" is to be a hash, as `faultbond serve --hash` prints it") from None
+    return password
+
+
+def _connection(told: Mapping[str, Spot], folder: Path, mistakes: Mistakes) -> Iterator[tuple[str, str]]:
     """Give what logs in at sources; all but the name are files."""
-    for key, place in told.fields(CONNECTION_KEYS).items():
-        yield key, place.text() if key == "user" else str(folder / place.text())
+    for key, place in told.items():
+        with mistakes.noted():
+            yield key, place.text() if key == "user" else _file(place, folder)
 
 
-def _sinks(told: Spot, folder: Path) -> Iterator[SinkOptions]:
+def _file(place: Spot, folder: Path) -> str:
+    """Give a file that can be read."""
+    path = folder / place.text()
+    try:
+        with path.open("rb"):
+            return str(path)
+    except OSError as error:
+        raise place.error(f": {shown_path(str(path))} cannot be read: {error.strerror or error}") from None
+
+
+def _sinks(told: Spot, folder: Path, mistakes: Mistakes) -> Iterator[SinkOptions]:
     """Read whom the service tells."""
-    for place in told.things("tell"):
-        fields = place.fields(SINK_KEYS)
-        files = {key: str(folder / fields[key].text()) for key in SINK_FILES if key in fields}
-        yield SinkOptions(
-            name=place.name,
-            to=fields["to"].text(),
-            where=fields["to"].where(""),
-            kinds=tuple(_kind(item) for item in fields["kinds"].one_or_more()) if "kinds" in fields else KINDS,
-            user=_text(fields, "user"),
-            give_up=fields["give_up"].seconds() if "give_up" in fields else None,
-            **files,
-        )
+    for place in _things({"tell": told}, "tell", "tell", mistakes):
+        with mistakes.noted():
+            check_name(place.source, place.entry, "tell")
+            fields = place.fields(SINK_KEYS, note=mistakes.note)
+            files = {key: _file(fields[key], folder) for key in SINK_FILES if key in fields}
+            if "to" in fields:
+                yield SinkOptions(
+                    name=place.name,
+                    to=fields["to"].text(),
+                    where=place.where(""),
+                    kinds=tuple(_kind(item) for item in fields["kinds"].one_or_more()) if "kinds" in fields else KINDS,
+                    user=_text(fields, "user"),
+                    give_up=fields["give_up"].seconds() if "give_up" in fields else None,
+                    **files,
+                )
 
 
 def _kind(place: Spot) -> str:

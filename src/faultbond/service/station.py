@@ -7,7 +7,7 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import aclosing, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -31,11 +31,13 @@ from faultbond.service.wall_clock import WallClock
 
 MOST_WAITING = 1000  # arrivals and deeds between the sources and the worker; more wait in the sources
 MOST_TOGETHER = 200  # of them that make one transaction
-MOST_ROWS = 5000  # in it, and those of one arrival: a second or two, after which others may ask
+MOST_ROWS = 5000  # in it, and those of one arrival
+LONGEST_TURN = 0.5  # s that it should take, after which others may ask; after an alarm a row takes many times as long
 TICK = 1.0  # s between two looks at who has gone silent
 FORGET_EVERY = 600.0  # s between two looks at what is too old
 FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0  # s before a source that was lost is opened again
 RETRY = 1.0  # s before the store is tried again
+DEED_PATIENCE = 10.0  # s that who wants something waits, as for a server that begins anew, before that is refused
 LONGEST_STEP = 30.0  # s that the worker may be at one step, before it is taken for stuck
 LOST = "source lost"  # the name under which it is counted
 SETTLING = 0.05  # s between two looks at whether what came of a source is in the store
@@ -57,15 +59,21 @@ class _Feed:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Wish:
-    """A deed that somebody waits for."""
+    """A deed that somebody waits for. taken: once it is being done, and cannot be called off."""
 
     deed: Deed
     answer: "asyncio.Future[Deed]"
+    taken: asyncio.Event = field(default_factory=asyncio.Event)
 
 
 def _stands_alone(item: Arrivals | _Wish) -> bool:
     """Whether nothing is done together with an item: what takes back reads the log, in which all before it must be."""
     return isinstance(item, _Wish) and item.deed.action is Action.UNDO
+
+
+def _is_called_off(item: Arrivals | _Wish) -> bool:
+    """Whether who wanted it waits no longer, and has been told that it is not done."""
+    return isinstance(item, _Wish) and item.answer.cancelled()
 
 
 def _n_rows(item: Arrivals | _Wish) -> int:
@@ -122,6 +130,7 @@ class Service:
         self._off_line = ServicePart(name="off line", since=clock())
         self._hub = Hub()
         self._inbox: asyncio.Queue[Arrivals | _Wish] = asyncio.Queue(MOST_WAITING)
+        self._most_rows = MOST_ROWS  # that are taken together, as fast as they have gone of late
         self._next: Arrivals | _Wish | None = None  # taken from it, to be done by itself
 
     async def run(self) -> None:
@@ -215,7 +224,7 @@ class Service:
         FaultbondError
             Where it makes no sense now.
         StoreError
-            Where it cannot be kept yet.
+            Where it cannot be kept yet, and is tried again; or where nothing was done, as it says then.
         """
         now = self._clock()
         if request.asset not in self._log.assets:
@@ -231,9 +240,17 @@ class Service:
             until=now + 60.0 * request.minutes if request.minutes is not None else None,
             undone=request.undone,
         )
-        answer: asyncio.Future[Deed] = asyncio.get_running_loop().create_future()
-        await self._inbox.put(_Wish(deed=deed, answer=answer))
-        await answer
+        wish = _Wish(deed=deed, answer=asyncio.get_running_loop().create_future())
+        try:
+            async with asyncio.timeout(DEED_PATIENCE):
+                await self._inbox.put(wish)
+                await wish.taken.wait()
+        except TimeoutError:
+            if not wish.taken.is_set():  # it may have been at the same moment
+                wish.answer.cancel()
+                why = self._kept.trouble or "The service is busy."
+                raise StoreError(f"{why} Nothing was done; try again.") from None
+        await wish.answer
         return await asyncio.to_thread(self._view.newest_deed, request.asset)
 
     async def note(self, entry: AuditEntry) -> None:
@@ -285,7 +302,11 @@ class Service:
         loop = asyncio.get_running_loop()
         while True:
             items = await self._gathered()
+            begun, n_rows = time.monotonic(), sum(map(_n_rows, items))
             done, error = await loop.run_in_executor(worker, self._take, items)
+            if n_rows:
+                fitting = n_rows * LONGEST_TURN / max(time.monotonic() - begun, 1e-6)
+                self._most_rows = int(min(max(fitting, 1.0), MOST_ROWS))
             if error is not None:
                 await self._settle(worker, items, error)
             self._answer(items, done)
@@ -335,7 +356,10 @@ class Service:
         first, self._next = self._next or await self._inbox.get(), None
         items, n_rows = [first], _n_rows(first)
         while (
-            len(items) < MOST_TOGETHER and n_rows < MOST_ROWS and not self._inbox.empty() and not _stands_alone(first)
+            len(items) < MOST_TOGETHER
+            and n_rows < self._most_rows
+            and not self._inbox.empty()
+            and not _stands_alone(first)
         ):
             item = self._inbox.get_nowait()
             if _stands_alone(item):
@@ -343,6 +367,10 @@ class Service:
                 break
             items.append(item)
             n_rows += _n_rows(item)
+        items = [item for item in items if not _is_called_off(item)]
+        for item in items:
+            if isinstance(item, _Wish):
+                item.taken.set()
         return items
 
     def _take(self, items: Sequence[Arrivals | _Wish]) -> tuple[list[Done], StoreError | None]:

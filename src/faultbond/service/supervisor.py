@@ -79,7 +79,7 @@ class ServicePart:
 
     def ends(self, now: float) -> None:
         """Note that it has nothing more to do."""
-        self.trouble, self.since = "it has ended", now
+        self.fails(f"{'standard input' if self.name == '-' else self.name} has ended", now)
 
     def breaks(self, error: Exception, now: float, *, is_over: bool, is_known: bool = False) -> None:
         """Note what was not foreseen, with its traceback in the log unless it is known.

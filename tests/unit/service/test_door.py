@@ -120,8 +120,8 @@ def test_a_check_says_by_which_certificate(tmp_path: Path, made: Path, capsys: p
     assert said.err == ""
     assert main(["serve", "--check", "--site", str(written(tmp_path, made, "ending.pem", 0))]) == 0
     assert f"faultbond: {made / 'ending.pem'}: the certificate ends at" in capsys.readouterr().err
-    assert main(["serve", "--check", "--site", str(written(tmp_path, made, "old.pem", 0))]) == 2
-    assert capsys.readouterr().err == f"listen: certificate {made / 'old.pem'}: it has expired. Renew it.\n"
+    assert main(["serve", "--check", "--site", str(path := written(tmp_path, made, "old.pem", 0))]) == 2
+    assert capsys.readouterr().err == f"{path}:2: listen: certificate {made / 'old.pem'}: it has expired. Renew it.\n"
 
 
 def answer(client: Any, path: str) -> Any:

@@ -48,6 +48,7 @@ def test_each_address_has_its_source(tmp_path: Path) -> None:
         ("sim:?seed=-1", "seed=-1: expected a whole number"),
         ("sim:?noise=yes", "noise=yes: expected 0 or 1"),
         ("sim:?fault=K1=x2", "expected NAME=VALUE@TIME"),
+        ("sim:?fault=K9=x2@60", "source sim: "),
         ("sim:?fault=K9=x2@60", "no parameter K9"),
         ("sim:?fault=K1=x2@2026-01-01T00:00:00Z", "not a date"),
     ],
@@ -63,7 +64,7 @@ def test_mistakes_are_told_in_one_line(address: str, message: str) -> None:
 
 def test_a_source_feeds_somebody() -> None:
     """One that no asset reads is a mistake of the site."""
-    with pytest.raises(FaultbondError, match="source sim:: no asset reads it"):
+    with pytest.raises(FaultbondError, match="source 'sim:': no asset reads it"):
         open_source("sim:", [])
 
 

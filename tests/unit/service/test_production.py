@@ -81,6 +81,8 @@ def test_the_site_file_is_one(tmp_path: Path) -> None:
     """But for the model and the password, which are the user's; the door that it asks for is one that may be open."""
     (tmp_path / "models").mkdir()
     (tmp_path / "models" / "tank.yaml").write_text(MODEL.read_text())
+    for name in ("broker.secret", "plant.pem"):
+        (tmp_path / name).touch()
     path = tmp_path / "site.yaml"
     text = (FOLDER / "site.yaml").read_text().replace(PLACEHOLDER, hashed("open sesame"))
     path.write_text(text)

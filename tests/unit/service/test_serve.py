@@ -135,11 +135,11 @@ def test_a_check_says_what_would_be_watched(capsys: pytest.CaptureFixture[str]) 
     said = capsys.readouterr().out
     assert "from file:live.csv; accepts what is 0.99 sure" in said
     assert "Kept in faultbond.sqlite. Page: 127.0.0.1:8350. People: whoever is at this machine." in said
-    place = "postgresql://ann:secret@db.local/plant"
+    place = "postgresql://ann:secret@127.0.0.1:1/plant"
     assert main(["serve", str(MODEL), "--check", "--store", place, "--json", "-"]) == 0
-    assert json.loads(capsys.readouterr().out)["store"] == "postgresql://ann@db.local/plant"
+    assert json.loads(capsys.readouterr().out)["store"] == "postgresql://ann@127.0.0.1:1/plant"
     assert main(["serve", str(MODEL), "--check", "--store", place]) == 0
-    assert "Kept in postgresql://ann@db.local/plant. Page" in capsys.readouterr().out
+    assert "Kept in postgresql://ann@127.0.0.1:1/plant. Page" in capsys.readouterr().out
     assert main(["serve", str(MODEL), "--source", "fiel:live.csv", "--check"]) == 2
     assert "Did you mean file:?" in capsys.readouterr().err
 

@@ -1,13 +1,17 @@
 """What a site file may say, and how mistakes in it are told."""
 
+import socket
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from faultbond.cli.program import main
 from faultbond.errors import FaultbondError
 from faultbond.service.offline.limits import OfflineLimits
 from faultbond.service.site import PORT, SIMULATED, read_site, site_of
+from faultbond.service.store.opening import open_store
 from faultbond.service.web.security import hashed
 
 MODEL = Path("examples/rlc/model.yaml").resolve()
@@ -33,11 +37,13 @@ keep: {days: 30}
 assets:
   left: {model: loop.yaml}
   right: {model: loop.yaml, source: "file:right.csv", accept: 0.9}
-  far: {model: loop.yaml, topic: hall/far, nodes: {V_R: ns=2;s=R}, hold: [V_I]}
+  far: {model: loop.yaml, topic: hall/far, hold: [V_I]}
+  plc: {model: loop.yaml, source: "opc.tcp://plc", nodes: {V_R: ns=2;s=R}}
 connection: {user: anna, password_file: secret.txt}
 users:
   anna: {role: operate, password: "HASH"}
 """
+    (tmp_path / "secret.txt").write_text("open sesame\n")
     site = read_site(written(tmp_path, text.replace("HASH", hashed("open sesame"))))
     assert (site.name, site.host, site.port, site.days) == ("hall 7", "0.0.0.0", 9000, 30.0)  # noqa: S104
     assert (site.certificate, site.key) == (str(tmp_path / "page.pem"), str(tmp_path / "page.key"))
@@ -45,11 +51,12 @@ users:
     assert site.store == str(tmp_path / "kept.sqlite")
     assert [(item.name, item.source, item.accept) for item in site.assets] == [
         ("left", "mqtt://broker/plant/+", 0.99),
-        ("right", "file:right.csv", 0.9),
+        ("right", f"file:{tmp_path}/right.csv", 0.9),
         ("far", "mqtt://broker/plant/+", 0.99),
+        ("plc", "opc.tcp://plc", 0.99),
     ]
     options = site.options("mqtt://broker/plant/+")
-    assert (options.topics, options.nodes) == ({"far": "hall/far"}, {"far": {"V_R": "ns=2;s=R"}})
+    assert (options.topics, site.options("opc.tcp://plc").nodes) == ({"far": "hall/far"}, {"plc": {"V_R": "ns=2;s=R"}})
     assert options.hold == {"far": ("V_I",)}
     assert (options.user, options.password_file) == ("anna", str(tmp_path / "secret.txt"))
     assert site.users["anna"].role == "operate"
@@ -104,13 +111,99 @@ def test_little_is_enough(tmp_path: Path) -> None:
         ),
         ("assets: {a: {model: loop.yaml}}\nusers: b\n", "site.yaml:2: users must be a table"),
         ("assets: [a]\n", "site.yaml:1: assets must be a table `{key: value, ...}`, not a list"),
+        (
+            "assets:\n  a: {model: loop.yaml, source: '-', topic: x}\n",
+            "site.yaml:2: asset a: topic means nothing with the source -; it is of mqtt:// and mqtts://",
+        ),
+        (
+            "assets: {a: {model: loop.yaml}}\nconnection:\n  key: no.key\n",
+            "site.yaml:3: connection: key: FOLDER/no.key cannot be read: No such file or directory",
+        ),
+        ("", "site.yaml:1: the site file is empty"),
+        ("- a\n", "site.yaml:1: a site file is a table of `key: value`"),
     ],
 )
 def test_a_mistake_is_told_by_its_line(tmp_path: Path, text: str, told: str) -> None:
     """Expected and found, in a line."""
     with pytest.raises(FaultbondError) as caught:
         read_site(written(tmp_path, text))
-    assert told in str(caught.value)
+    assert told.replace("FOLDER", str(tmp_path)) in str(caught.value)
+
+
+MISTAKES = """\
+name: hall
+store: no/such/folder/kept.sqlite
+source: mqqt://broker/plant/{asset}/+
+listen: {port: 99999, certificate: no.pem, key: no.key}
+keeep: {days: 2}
+assets:
+  a: {model: no.yaml}
+  b c: {model: loop.yaml}
+  d: {model: loop.yaml}
+  e: {model: loop.yaml, source: "mqtt://broker/plant/{aset}/+"}
+  f: {model: loop.yaml, source: "mqtt://broker/plant/+", topic: "plant/{asset}/all"}
+users:
+  anna: {role: boss, password: open sesame}
+tell:
+  scada: amqp://broker/x
+  hook: {to: "https://desk/in", secret_file: short.txt, kinds: [detections]}
+  desk: {to: "https://desk/in", secret_file: short.txt}
+  f: {to: mqtt://broker/plant/f}
+"""
+
+
+def test_all_mistakes_are_told_in_their_order(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each in a line, with that of the file; what follows from another one is left out."""
+    path = written(tmp_path, MISTAKES)
+    (tmp_path / "short.txt").write_text("short")
+    assert main(["serve", "--site", str(path), "--check"]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    lines = [line.removeprefix(f"{path}:") for line in told.err.splitlines()]
+    assert [line.split(".")[0] for line in lines] == [
+        f"2: store {tmp_path}/no/such/folder/kept",
+        "3: source 'mqqt://broker/plant/{asset}/+': expected sim:, file:PATH, -, mqtt://HOST/TOPIC, mqtts://HOST/TOPIC "
+        "or opc",
+        "4: listen: port is a number from 0 to 65535, not `99999`",
+        f"4: listen: certificate {tmp_path}/no",
+        "5: site: unknown key `keeep`; did you mean `keep`?",
+        f"7: asset a: model: there is no file {tmp_path}/no",
+        "8: assets: `b c` is not a name; a name is a letter, then letters, digits and `_`, 64 characters at most",
+        "10: source mqtt://broker/plant/{aset}/+: 'plant/{aset}/+' is no topic for e",
+        "13: user anna: role `boss` is no role; known: view, operate, engineer",
+        "13: user anna: password is to be a hash, as `faultbond serve --hash` prints it",
+        "15: tell scada: to: expected mqtt://HOST/PREFIX, mqtts://HOST/PREFIX, https://HOST/PATH, "
+        "http://HOST/PATH, opc",
+        "16: tell hook: kinds `detections` is no kind of records; did you mean `detection`?",
+        "17: tell desk: secret_file: the secret is short; take 16 bytes or more",
+        "18: tell f: it would tell on topics that f reads, plant/f/all",
+    ]
+
+
+def test_a_check_says_what_would_not_do_now(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A port that is taken, a server that is not there, a file that is not there yet: they may be another day."""
+    with socket.create_server(("127.0.0.1", 0)) as door:
+        port = door.getsockname()[1]
+        text = f"store: postgresql://a:secret@127.0.0.1:1/plant\nlisten:\n  port: {port}\nassets:\n"
+        path = written(tmp_path, f"{text}  loop: {{model: loop.yaml, source: 'file:live.csv'}}\n")
+        assert main(["serve", "--site", str(path), "--check"]) == 0
+    lines = [line.removeprefix(f"faultbond: {path}:") for line in capsys.readouterr().err.splitlines()]
+    assert [line.partition(". ")[0] for line in lines] == [
+        "1: postgresql://a@127.0.0.1:1/plant: the server cannot be reached: Connection refused",
+        f"3: 127.0.0.1:{port}: somebody listens there already",
+        f"5: source file:{tmp_path}/live.csv: there is no such file yet",
+    ]
+
+
+def test_a_file_that_is_no_store_is_told_by_a_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It is left as it was, and one that is a store may be written by a service meanwhile."""
+    path = written(tmp_path, "store: loop.yaml\nassets: {loop: {model: loop.yaml}}\n")
+    assert main(["serve", "--site", str(path), "--check"]) == 2
+    assert f"{path}:1: {tmp_path}/loop.yaml: this is no store of faultbond" in capsys.readouterr().err
+    assert (tmp_path / "loop.yaml").read_text() == MODEL.read_text()
+    path.write_text("store: kept.sqlite\nassets: {loop: {model: loop.yaml}}\n")
+    with closing(open_store(tmp_path / "kept.sqlite", reserve=0)):
+        assert main(["serve", "--site", str(path), "--check"]) == 0
 
 
 def test_a_command_line_names_assets_by_their_files() -> None:

@@ -1,6 +1,7 @@
 """The service at work: sources that fail and come back, a store that does, people, and who listens."""
 
 import asyncio
+import time
 from collections.abc import AsyncGenerator, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -164,9 +165,33 @@ def test_a_store_that_cannot_be_written_stops_nothing_and_loses_nothing(monkeypa
     play(Played(store, last=300), course)
 
 
+def test_who_wants_something_while_the_store_is_gone_is_refused_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What waited behind what cannot be written is called off: it is not done later, when nobody knows of it."""
+    monkeypatch.setattr("faultbond.service.station.RETRY", 0.05)
+    monkeypatch.setattr("faultbond.service.station.DEED_PATIENCE", 0.3)
+    store = FailingStore()
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(300))
+        store.failures = 10**6
+        with pytest.raises(StoreError, match=r"disk is full. It is tried again until it is written"):
+            await played.do(Action.SUPPRESS)
+        with pytest.raises(StoreError, match=r"disk is full. Nothing was done; try again"):
+            await played.do(Action.OUT_OF_SERVICE)
+        with pytest.raises(StoreError, match=r"Nothing was done"):
+            await played.do(Action.UNDO)
+        store.failures = 0
+        await played.until(lambda: played.service.health()["ok"])
+        await played.do(Action.UNSUPPRESS)
+        assert [item.action for item in store.deeds()] == [Action.SUPPRESS, Action.UNSUPPRESS]
+
+    play(Played(store, last=300), course)
+
+
 def test_what_waits_is_taken_in_portions(monkeypatch: pytest.MonkeyPatch) -> None:
     """However much came at once, as after a night without the service: others may ask between two of them."""
     monkeypatch.setattr("faultbond.service.station.MOST_ROWS", 120)
+    monkeypatch.setattr("faultbond.service.station.LONGEST_TURN", float("inf"))
     taken: list[int] = []
 
     class Listing(MemoryStore):
@@ -180,6 +205,26 @@ def test_what_waits_is_taken_in_portions(monkeypatch: pytest.MonkeyPatch) -> Non
     play(Played(Listing(), portion=50), course)
     assert sum(taken) == FOUND
     assert max(taken) == 150  # the portion with which there are enough is the last
+
+
+def test_slow_rows_are_taken_in_smaller_portions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after an alarm, of which each takes many times as long: who asks meanwhile is not kept waiting for all."""
+    monkeypatch.setattr("faultbond.service.station.LONGEST_TURN", 0.1)
+    taken: list[int] = []
+
+    class Slow(MemoryStore):
+        def commit(self, parts: Sequence[Commit]) -> None:
+            n_rows = sum(len(part.rows) for part in parts if part.rows is not None)
+            taken.append(n_rows)
+            time.sleep(2e-3 * n_rows)
+            super().commit(parts)
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(FOUND))
+
+    play(Played(Slow(), portion=5), course)
+    assert sum(taken) == FOUND
+    assert max(taken[len(taken) // 2 :]) <= 55  # a tenth of a second's rows, and the portion that makes them enough
 
 
 def test_a_store_that_cannot_be_read_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -263,7 +308,7 @@ def test_the_end_of_a_source_is_told() -> None:
     async def course(played: Played) -> None:
         played.source.ends.set()
         await played.until(lambda: not played.service.health()["ok"])
-        assert played.service.health()["parts"]["played:"]["trouble"] == "it has ended"
+        assert played.service.health()["parts"]["played:"]["trouble"] == "played: has ended"
 
     play(Played(last=100), course)
 

@@ -75,8 +75,28 @@ def test_nobody_is_told_where_nobody_listens(address: str) -> None:
 
 
 def test_a_manager_that_is_gone_does_no_harm(tmp_path: Path) -> None:
-    """Nor does one that does not read."""
-    ServiceManager({"NOTIFY_SOCKET": str(tmp_path / "nobody")}).tell(UnitState.READY)
+    """What it is told is lost, and once it is back it hears what is told then."""
+    told = ServiceManager({"NOTIFY_SOCKET": str(tmp_path / "notify")})
+    told.tell(UnitState.READY)
+    came = Manager(str(tmp_path / "notify"))
+    told.tell(UnitState.STOPPING)
+    assert came.next() == {"STOPPING": "1"}
+    came.heard.close()
+
+
+def test_a_manager_that_does_not_read_does_no_harm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is told what its socket holds, in order, and nobody waits for it to take more."""
+    monkeypatch.setattr("faultbond.service.systemd.PATIENCE", 0.001)
+    deaf = Manager(str(tmp_path / "notify"))
+    told = ServiceManager(deaf.environment())
+    for number in range(1000):
+        told.tell(status=str(number))
+    heard = []
+    while found := deaf.next(0.1):
+        heard.append(found["STATUS"])
+    assert 0 < len(heard) < 1000
+    assert heard == [str(number) for number in range(len(heard))]
+    deaf.heard.close()
 
 
 @pytest.mark.parametrize(

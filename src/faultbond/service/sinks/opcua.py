@@ -18,10 +18,10 @@ from asyncua.server.server import Server
 from asyncua.server.user_managers import UserManager
 from asyncua.ua.uaerrors import UaError
 
-from faultbond.errors import SinkError
+from faultbond.errors import FaultbondError, SinkError
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import NamedRecord
-from faultbond.service.sources.opcua import own_name
+from faultbond.service.sources.opcua_identity import read_identity
 
 SPACE = "urn:faultbond"
 POLICIES = (
@@ -87,17 +87,17 @@ class OpcUaSink:
             server.allow_remote_admin(False)
             server.set_endpoint(told.url)
             server.set_server_name("faultbond")
-            uri = await asyncio.to_thread(own_name, told.certificate)
-            if uri:
-                await server.set_application_uri(uri)
+            own = await asyncio.to_thread(read_identity, told.certificate, told.key)
+            if own.name:
+                await server.set_application_uri(own.name)
             rules = SimpleRoleRuleset()  # type: ignore[no-untyped-call]
             server.set_security_policy(list(POLICIES), permission_ruleset=rules)
             server.set_identity_tokens([ua.UserNameIdentityToken])
-            await server.load_certificate(told.certificate)
-            await server.load_private_key(told.key)
+            await server.load_certificate(own.certificate)
+            await server.load_private_key(own.key)
             space = await server.register_namespace(SPACE)
             await server.start()
-        except (OSError, UaError, ValueError) as error:
+        except (OSError, UaError, ValueError, FaultbondError) as error:
             why = " ".join(str(error).split()).rstrip(".") or type(error).__name__
             raise SinkError(f"{told.url}: {why}.") from error
         try:

@@ -92,9 +92,9 @@ class _Asked:
             parts = urlsplit(self.options.to)
             port = parts.port
         except ValueError as error:
-            raise self.mistake(f"its host or port cannot be read ({error}).") from error
+            raise self.mistake(f"to: its host or port cannot be read ({error}).") from error
         if not parts.hostname or port == 0 or not self.options.to.isprintable() or " " in self.options.to:
-            raise self.mistake(f"name the host, as in {FORMS}.")
+            raise self.mistake(f"to: name the host, as in {FORMS}.")
         if parts.password is not None:
             raise self.mistake("a password does not stand in an address. Write it into a file, `password_file`.")
         return parts
@@ -104,7 +104,7 @@ class _Asked:
         given = ("user", "password_file", "authority", "certificate", "key", "token_file", "secret_file", "give_up")
         for key in given:
             if getattr(self.options, key) and key not in known:
-                raise self.mistake(f"`{key}` means nothing there.")
+                raise self.mistake(f"`{key}` means nothing with {self.options.to.partition('://')[0]}.")
 
     def secret(self, key: str) -> bytes:
         """Give what a file has; nothing where none is named."""
@@ -132,7 +132,7 @@ def _opened(asked: _Asked, filters: Mapping[str, str]) -> Sink:
     scheme, colon, _ = asked.options.to.partition("://")
     opened = OPENED.get(scheme.lower()) if colon else None
     if opened is None:
-        raise asked.mistake(f"expected {FORMS}.")
+        raise asked.mistake(f"to: expected {FORMS}.")
     return opened(asked, filters)
 
 
@@ -167,7 +167,7 @@ def _signing_secret(asked: _Asked) -> bytes:
         except binascii.Error as error:
             raise asked.mistake(f"what stands behind {SIGNING} in secret_file is no Base64.") from error
     if found and len(found) < LEAST_SECRET:
-        raise asked.mistake(f"the secret is short; take {LEAST_SECRET} bytes or more.")
+        raise asked.mistake(f"secret_file: the secret is short; take {LEAST_SECRET} bytes or more.")
     return found
 
 
@@ -205,6 +205,7 @@ def _mqtt(asked: _Asked, filters: Mapping[str, str]) -> Sink:
 def _opcua(asked: _Asked, filters: Mapping[str, str]) -> Sink:
     try:
         from faultbond.service.sinks.opcua import OpcUaSink, OwnServer  # noqa: PLC0415 - needs asyncua
+        from faultbond.service.sources.opcua_identity import read_identity  # noqa: PLC0415 - the same
     except ImportError as error:
         raise asked.mistake('OPC UA needs asyncua. Install it with: pip install "faultbond[opcua]"') from error
     asked.refuse_all_but("user", "password_file", "certificate", "key")
@@ -212,9 +213,10 @@ def _opcua(asked: _Asked, filters: Mapping[str, str]) -> Sink:
     password = asked.secret("password_file").decode()
     if not (options.certificate and options.key and options.user and password):
         raise asked.mistake("give a `certificate` and its `key`, and the `user` and `password_file` of who may read.")
-    for file in (options.certificate, options.key):
-        if not Path(file).is_file():
-            raise asked.mistake(f"there is no file {file}.")
+    try:
+        read_identity(options.certificate, options.key)
+    except FaultbondError as error:
+        raise asked.mistake(str(error)) from error
     if parts.port is None:
         raise asked.mistake("name the port at which clients read, such as 4841.")
     return OpcUaSink(

@@ -4,7 +4,6 @@ import asyncio
 from collections.abc import AsyncGenerator, Mapping, Sequence
 from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from asyncua import ua
@@ -15,13 +14,13 @@ from asyncua.crypto import security_policies
 from asyncua.ua.attribute_ids import AttributeIds
 from asyncua.ua.object_ids import ObjectIds
 from asyncua.ua.uaerrors import UaError
-from cryptography import x509
 
 from faultbond.errors import FaultbondError, SourceError
 from faultbond.io.times import unix_seconds
 from faultbond.service.contract.messages import Arrivals
 from faultbond.service.contract.source import Subscriber
 from faultbond.service.sources.intake import Intake, Quality, Reading
+from faultbond.service.sources.opcua_identity import certificate_of, read_identity
 from faultbond.service.sources.options import SourceOptions
 from faultbond.service.sources.queue import ArrivalQueue, connected
 
@@ -123,12 +122,18 @@ class OpcUaSource:
             client.set_user(server.user)
             client.set_password(server.password or "")
         if server.policy:
-            client.application_uri = await asyncio.to_thread(own_name, server.certificate) or client.application_uri
+            theirs = server.server_certificate
+            try:
+                own = await asyncio.to_thread(read_identity, server.certificate, server.key)
+                trusted = await asyncio.to_thread(certificate_of, theirs) if theirs else None
+            except FaultbondError as error:  # as while they are renewed
+                raise SourceError(f"{server.shown}: {error}") from error
+            client.application_uri = own.name or client.application_uri
             await client.set_security(
                 POLICIES[server.policy],
-                certificate=server.certificate,
-                private_key=server.key,
-                server_certificate=server.server_certificate or None,
+                certificate=own.certificate,
+                private_key=own.key,
+                server_certificate=trusted,
                 mode=ua.MessageSecurityMode.SignAndEncrypt,
             )
         stack.push_async_callback(_leave, client)
@@ -258,17 +263,6 @@ def _reading(column: str, value: object, data: ua.DataValue, status: int) -> Rea
         time=None if moment is None else unix_seconds(moment),
         quality=quality,
     )
-
-
-def own_name(certificate: str) -> str:
-    """Give what a certificate calls its application, by which servers know it; empty where it does not say."""
-    data = Path(certificate).read_bytes()
-    try:
-        found = x509.load_pem_x509_certificate(data) if b"-----BEGIN" in data else x509.load_der_x509_certificate(data)
-        names = found.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-    except (ValueError, x509.ExtensionNotFound):
-        return ""
-    return next(iter(names.get_values_for_type(x509.UniformResourceIdentifier)), "")
 
 
 async def _leave(client: Client) -> None:

@@ -46,7 +46,7 @@ def open_source(address: str, subscribers: Sequence[Subscriber], options: Source
     """
     options, scheme = options or SourceOptions(), _scheme(address)
     if not subscribers:
-        raise FaultbondError(f"source {shown_address(address)}: no asset reads it.")
+        raise FaultbondError(f"source {shown_address(address)!r}: no asset reads it.")
     if scheme == "-":
         return StandardInput(subscribers)
     place, settings = split_address(address)
@@ -88,7 +88,8 @@ class _Asked:
     """The settings of an address, each to be read once; what is left is a mistake."""
 
     def __init__(self, place: str, settings: Details, known: Sequence[str]) -> None:
-        self._where, self._settings = f"source {shown_address(place)}", settings
+        shown = shown_address(place)
+        self._where, self._settings = f"source {shown}{'' if shown.endswith(':') else ':'}", settings
         for name, values in settings.items():
             if name not in known:
                 near = difflib.get_close_matches(name, known, n=1)
@@ -99,7 +100,7 @@ class _Asked:
 
     def mistake(self, message: str) -> FaultbondError:
         """Give the error that says what is wrong with the address."""
-        return FaultbondError(f"{self._where}: {message}")
+        return FaultbondError(f"{self._where} {message}")
 
     def all(self, name: str) -> Sequence[str]:
         """Give all values of a setting."""
@@ -198,6 +199,8 @@ def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
     host, port, user, password = _log_in(asked, rest.partition("/")[0], options)
     filters = topic_filters(place, [item.asset for item in subscribers], options)
     for asset, wanted in filters.items():
+        if {"{", "}"} & set(wanted):
+            raise asked.mistake(f"{wanted!r} is no topic for {asset}. In braces only {{asset}} stands for anything.")
         if not wanted or not _is_filter(wanted):
             raise asked.mistake(f"{wanted!r} is no topic for {asset}. Write it behind the host, as in HOST/plant/+.")
     qos = asked.whole("qos", 1)
@@ -225,7 +228,7 @@ def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
 def topic_filters(address: str, assets: Sequence[str], options: SourceOptions) -> dict[str, str]:
     """Give what an MQTT source subscribes to for each of its assets."""
     topic = split_address(address)[0].partition("://")[2].partition("/")[2]
-    return {name: options.topics.get(name, topic.replace("{asset}", name)) for name in assets}
+    return {name: options.topics.get(name, topic).replace("{asset}", name) for name in assets}
 
 
 def _opcua(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> LiveSource:
@@ -235,6 +238,7 @@ def _opcua(place: str, settings: Details, subscribers: Sequence[Subscriber], opt
     options = _policy(asked, options, subscribers)
     try:
         from faultbond.service.sources.opcua import POLICIES, OpcUaSource, Server  # noqa: PLC0415 - needs asyncua
+        from faultbond.service.sources.opcua_identity import certificate_of, read_identity  # noqa: PLC0415 - the same
     except ImportError as error:
         raise asked.mistake('OPC UA needs asyncua. Install it with: pip install "faultbond[opcua]"') from error
     policy = asked.text("security", "none" if options.unencrypted else SAFE)
@@ -242,9 +246,13 @@ def _opcua(place: str, settings: Details, subscribers: Sequence[Subscriber], opt
         raise asked.mistake(f"security={policy}: expected {', '.join(POLICIES)} or none.")
     if policy != "none" and not (options.certificate and options.key):
         raise asked.mistake("give a certificate and its key, or say security=none to let others read and change it.")
-    for file in (options.certificate, options.key, options.server_certificate):
-        if policy != "none" and file and not Path(file).is_file():
-            raise asked.mistake(f"there is no file {file}.")
+    if policy != "none":
+        try:
+            read_identity(options.certificate, options.key)
+            if options.server_certificate:
+                certificate_of(options.server_certificate)
+        except FaultbondError as error:
+            raise asked.mistake(str(error)) from error
     named = f"[{host}]" if ":" in host else host
     server = Server(
         url=f"opc.tcp://{named}:{port or 4840}{slash}{path}",
@@ -275,7 +283,8 @@ def _log_in(asked: _Asked, authority: str, options: SourceOptions) -> tuple[str,
         try:
             password = Path(options.password_file).read_text(encoding="utf-8").strip()
         except (OSError, UnicodeDecodeError) as error:
-            raise asked.mistake(f"the password file {options.password_file} cannot be read ({error}).") from error
+            why = getattr(error, "strerror", None) or "it is not UTF-8"
+            raise asked.mistake(f"the password file {options.password_file} cannot be read ({why}).") from error
     user = options.user or (unquote(parts.username) if parts.username else None)
     if password and not user:
         password = None  # of another source

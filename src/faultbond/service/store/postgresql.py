@@ -17,7 +17,7 @@ from uuid import uuid4
 import psycopg
 from psycopg.conninfo import conninfo_to_dict
 
-from faultbond.errors import StoreError
+from faultbond.errors import AbsentStoreError, StoreError
 from faultbond.service.store.address import FORM, ServerAddress
 from faultbond.service.store.database import FORMAT, TABLES
 
@@ -239,7 +239,9 @@ class PostgresqlDatabase:
         if tables and not ours:
             raise StoreError(f"{self.name}: this is a database, but no store of faultbond. Name another schema.")
         if not ours and not self.writes:
-            raise StoreError(f"{self.name}: there is no such store. Name the address that `faultbond serve` writes.")
+            raise AbsentStoreError(
+                f"{self.name}: there is no such store. Name the address that `faultbond serve` writes."
+            )
         if not ours:
             self._make()
         state = f'SELECT format, turn FROM "{self._address.schema}".faultbond'  # noqa: S608 - so a missing right is told

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from faultbond.errors import StoreError
+from faultbond.errors import AbsentStoreError, StoreError
 from faultbond.service.store.database import FORMAT, TABLES
 from faultbond.service.store.lock import StoreLock
 from faultbond.service.store.reserve_file import DEFAULT_SIZE, ReserveFile
@@ -52,7 +52,7 @@ class SqliteDatabase:
         self.name, self.writes = str(path), writes
         self._path, self._tell = path, tell
         if not writes and not path.is_file():
-            raise StoreError(f"{path}: there is no such store. Name the file that `faultbond serve` writes.")
+            raise AbsentStoreError(f"{path}: there is no such store. Name the file that `faultbond serve` writes.")
         self._lock = StoreLock(path) if writes else None
         try:
             with self.told():

@@ -134,6 +134,9 @@ def _tell_errors(made: FastAPI) -> None:
     @made.exception_handler(RequestValidationError)
     async def invalid(request: Request, error: RequestValidationError) -> Response:
         first = error.errors()[0]
+        if first["type"] == "json_invalid":
+            why = first.get("ctx", {}).get("error", "it ends too soon")
+            return refusal(400, f"The body is no JSON, at character {first['loc'][-1]}: {why}.")
         place = ".".join(str(part) for part in first["loc"][1:])
         text = str(first["msg"]).removeprefix("Value error, ")
         return refusal(422, f"{place}: {text}." if place else f"{text}.")

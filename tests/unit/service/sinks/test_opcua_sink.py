@@ -58,6 +58,7 @@ class Plant:
         for side in ("server", "client"):
             key, certificate = self.folder / f"{side}.key.pem", self.folder / f"{side}.der"
             await cert_gen.setup_self_signed_certificate(key, certificate, f"urn:here:{side}", "localhost", [], {})
+        (self.folder / "server.key.pem").rename(self.folder / "server.key")  # PEM, as `openssl -keyout` calls it
 
     @property
     def sink(self) -> Sink:
@@ -68,7 +69,7 @@ class Plant:
             user="reader",
             password_file=str(self.folder / "word"),
             certificate=str(self.folder / "server.der"),
-            key=str(self.folder / "server.key.pem"),
+            key=str(self.folder / "server.key"),
         )
         return open_sinks([options], {})[0]
 

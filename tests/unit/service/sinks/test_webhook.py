@@ -95,11 +95,12 @@ def test_a_record_is_refused_for_what_it_is(receiver: Receiver, status: int) -> 
         passed_on(hook(receiver.port), RECORD)
 
 
-async def answers(text: bytes, *, then_waits: bool = False) -> None:
-    """Post to what answers with a text."""
+async def answers(text: bytes, *, then_waits: bool = False) -> list[bytes]:
+    """Post to what answers with a text, and give the first lines of what it was asked."""
+    asked = []
 
     async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        await reader.readuntil(b"\r\n\r\n")
+        asked.append((await reader.readuntil(b"\r\n\r\n")).splitlines()[0])
         writer.write(text)
         with suppress(ConnectionError):
             if then_waits:
@@ -110,6 +111,7 @@ async def answers(text: bytes, *, then_waits: bool = False) -> None:
         port = server.sockets[0].getsockname()[1]
         async with hook(port).opened() as link:
             await link.pass_on(RECORD)
+    return asked
 
 
 @pytest.mark.parametrize(
@@ -129,10 +131,11 @@ def test_what_does_not_answer_as_it_should_is_lost(text: bytes, words: str) -> N
 
 
 def test_an_answer_is_taken_without_its_body_and_after_one_on_the_way() -> None:
-    """Nobody waits for what is not read."""
-    asyncio.run(
-        answers(b"HTTP/1.1 100 Continue\r\n\r\nHTTP/1.1 200 OK\r\nContent-Length: 9999\r\n\r\n", then_waits=True)
-    )
+    """Nobody waits for what is not read, and the record is told once; what counts is the answer behind that."""
+    on_the_way = b"HTTP/1.1 100 Continue\r\n\r\nHTTP/1.1 %s\r\nContent-Length: 9999\r\n\r\n"
+    assert asyncio.run(answers(on_the_way % b"200 OK", then_waits=True)) == [b"POST /hook?of=us HTTP/1.1"]
+    with pytest.raises(SinkError, match="it answered 503 Busy"):
+        asyncio.run(answers(on_the_way % b"503 Busy", then_waits=True))
 
 
 def test_who_does_not_answer_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:

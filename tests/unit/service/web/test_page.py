@@ -152,6 +152,53 @@ def is_overfull(page: Any) -> bool:
     return bool(page.evaluate("document.documentElement.scrollWidth > innerWidth"))
 
 
+def unfold(page: Any) -> None:
+    """Open all that is folded."""
+    page.evaluate("document.querySelectorAll('details').forEach((fold) => { fold.open = true; })")
+    page.wait_for_timeout(100)
+
+
+INK = """() => { const all = [...document.querySelectorAll(".charts canvas")];
+  return all.length > 0 && all.every((canvas) => {
+  if (!canvas.clientWidth) return false;
+  const copy = Object.assign(document.createElement("canvas"), { width: canvas.width, height: canvas.height });
+  const pen = copy.getContext("2d", { willReadFrequently: true });
+  pen.drawImage(canvas, 0, 0);
+  const pixels = pen.getImageData(0, 0, canvas.width, canvas.height).data;
+  return pixels.some((value, k) => k % 4 === 3 && value > 0); }); }"""
+
+
+def test_on_a_phone_less_is_open_and_the_rest_a_key_away(opened: Callable[..., Any], served: Served) -> None:
+    """What is wrong and what may be at fault stand there; the plots are drawn once they are opened, and stay open."""
+    page = opened("#/tank_2", 390, ready=".candidates li")
+    assert page.locator("details[open]").count() == 0
+    folded = page.locator("summary").all_inner_texts()
+    assert folded == ["Plant", "Probability over time", "Measured and expected", "Journal", "Data"]
+    assert page.evaluate("document.documentElement.scrollHeight") < 2 * 900
+    assert not page.locator(".charts canvas").first.is_visible()
+    page.focus(".panel.trends summary")
+    page.keyboard.press("Enter")
+    until(page, INK)
+    assert page.locator(".charts canvas").first.is_visible()
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.closest('.panel.trends') !== null")
+    served.tick()
+    page.wait_for_timeout(300)
+    assert page.locator(".panel.trends details").get_attribute("open") is not None
+    page.set_viewport_size({"width": 1280, "height": 900})
+    until(page, "document.querySelectorAll('details:not([open])').length === 0")
+    until(page, INK)
+    assert page.wrong == []
+
+
+def test_on_a_screen_all_is_open(opened: Callable[..., Any]) -> None:
+    """Nothing folds there by a click, and the keyboard does not stop at headings."""
+    page = opened("#/tank_2")
+    page.click(".panel.trends summary")
+    assert page.locator("details:not([open])").count() == 0
+    assert page.evaluate("[...document.querySelectorAll('summary')].every((item) => item.tabIndex === -1)")
+
+
 def test_the_overview_tells_what_needs_attention(opened: Callable[..., Any]) -> None:
     """What needs somebody is listed, the unacknowledged alarm first; no data is not normal; silence is told."""
     page = opened()
@@ -351,7 +398,10 @@ def test_a_period_of_the_past(opened: Callable[..., Any], served: Served) -> Non
 @pytest.mark.parametrize("view", VIEWS)
 def test_nothing_is_wider_than_the_window(opened: Callable[..., Any], view: str, width: int) -> None:
     """From a phone to a wall screen nothing has to be scrolled sideways."""
-    assert not is_overfull(opened(VIEWS[view], width))
+    page = opened(VIEWS[view], width)
+    assert not is_overfull(page)
+    unfold(page)
+    assert not is_overfull(page)
 
 
 def test_a_dialog_fits_a_phone(opened: Callable[..., Any]) -> None:
@@ -373,6 +423,9 @@ def test_everybody_can_use_it(opened: Callable[..., Any], view: str, width: int,
     paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert (sum(map(int, re.findall(r"\d+", paper))) < 200) == is_dark
     assert violations(page, axe) == []
+    if page.locator("details:not([open])").count():
+        unfold(page)
+        assert violations(page, axe) == []
 
 
 @pytest.mark.parametrize("action", ["acknowledge", "shelve", "accept", "out of service"])

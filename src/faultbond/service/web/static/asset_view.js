@@ -15,6 +15,30 @@ const ORDER = ["acknowledge", "shelve", "unshelve", "unsuppress", "in service", 
 const panel = (name, title, ...content) =>
   make("section", { class: `panel ${name}`, "aria-labelledby": `of-${name}` }, make("h2", { id: `of-${name}` }, title), ...content);
 
+// On a phone what is looked at less often is folded, and opened by a touch or a key; elsewhere all is open.
+class Folds {
+  constructor() {
+    this.all = [];
+    this.narrow = matchMedia("(max-width: 700px)");
+    this.fit = () => this.all.forEach((fold) => {
+      fold.open = !this.narrow.matches;
+      fold.firstChild.tabIndex = this.narrow.matches ? 0 : -1;
+    });
+    this.narrow.addEventListener("change", this.fit);
+  }
+
+  panel(name, title, ...content) {
+    const heading = make("summary", { on: { click: (event) => { if (!this.narrow.matches) event.preventDefault(); } } }, make("h2", { id: `of-${name}` }, title));
+    const fold = make("details", { class: "fold", on: { toggle: () => { if (fold.open) dispatchEvent(new Event("resize")); } } }, heading, ...content);
+    this.all.push(fold); // plots have a size once they are seen, and are drawn then
+    return make("section", { class: `panel ${name}`, "aria-labelledby": `of-${name}` }, fold);
+  }
+
+  stop() {
+    this.narrow.removeEventListener("change", this.fit);
+  }
+}
+
 export class AssetView {
   constructor(place, name, { tell }) {
     Object.assign(this, { name, tell, asset: null, entries: ENTRIES, candidates: SHOWN });
@@ -27,8 +51,9 @@ export class AssetView {
     this.more = make("button", { type: "button", class: "more", hidden: true, on: { click: () => { this.candidates = Infinity; this.showCandidates(); } } }, "Show all");
     this.beside = make("p", { class: "hint" });
     this.advice = make("div", { class: "advice" });
+    this.folds = new Folds();
     this.chancePlace = make("div");
-    this.chancePanel = panel("chance-plot", "Probability over time", this.chancePlace);
+    this.chancePanel = this.folds.panel("chance-plot", "Probability over time", this.chancePlace);
     this.drawing = make("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Drawing of the plant" });
     this.quality = make("dl", { class: "quality" });
     this.signals = make("ul", { class: "signals" });
@@ -39,18 +64,20 @@ export class AssetView {
     this.explanations = panel("explanations", "What may be at fault", this.group, this.list, this.more, this.beside, this.advice);
     place.replaceChildren(
       this.head,
-      make("div", { class: "pair" }, this.explanations, make("div", { class: "stack" }, panel("plant-drawing", "Plant", this.drawing), this.chancePanel)),
-      panel("trends", "Measured and expected", this.trendPlace),
+      make("div", { class: "pair" }, this.explanations, make("div", { class: "stack" }, this.folds.panel("plant-drawing", "Plant", this.drawing), this.chancePanel)),
+      this.folds.panel("trends", "Measured and expected", this.trendPlace),
       make("div", { class: "pair" },
-        panel("journal-panel", "Journal", this.journal, this.older),
-        panel("quality-panel", "Data", this.quality, this.signals, this.notes)),
+        this.folds.panel("journal-panel", "Journal", this.journal, this.older),
+        this.folds.panel("quality-panel", "Data", this.quality, this.signals, this.notes)),
     );
+    this.folds.fit();
     this.picture = new Picture(this.drawing);
     this.trends = new Trends(this.trendPlace, name, tell);
     this.chances = new Chances(this.chancePlace);
   }
 
   stop() {
+    this.folds.stop();
     this.trends.stop();
     this.chances.stop();
   }
