@@ -18,6 +18,7 @@ from faultbond.model.yaml_nodes import read_yaml
 from faultbond.service.sinks.options import KINDS, SinkOptions
 from faultbond.service.sources.opening import topic_filters
 from faultbond.service.sources.options import SourceOptions
+from faultbond.service.sources.sparkplug_topic import is_sparkplug, whole_node
 from faultbond.service.web.security import check_hash
 from faultbond.types import LOWEST_LEVEL, TimeGrid
 
@@ -156,7 +157,8 @@ class Site:
         for address in dict.fromkeys(item.source for item in self.assets):
             if address.lower().startswith(("mqtt:", "mqtts:")):
                 fed = [item.name for item in self.assets if item.source == address]
-                found |= topic_filters(address, fed, self.options(address))
+                for name, wanted in topic_filters(address, fed, self.options(address)).items():
+                    found[name] = whole_node(wanted) if is_sparkplug(wanted) else wanted
         return found
 
 

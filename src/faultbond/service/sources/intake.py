@@ -3,7 +3,7 @@
 import asyncio
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -85,9 +85,17 @@ class Intake:
         if readings:
             self._wake(now + SETTLE)
 
-    def count(self, name: str) -> None:
+    def forget(self, columns: Iterable[str]) -> None:
+        """Forget what holds of some columns: it is of the past."""
+        self._assembly.forget(self.columns[name] for name in columns)
+
+    def count(self, name: str, number: int = 1) -> None:
         """Count what is in no row, or in one as missing."""
-        self._queue.count(self.asset, name)
+        self._queue.count(self.asset, name, number)
+
+    def tell_stale(self, why: str) -> None:
+        """Tell why all values are of the past, or by an empty text that they are of now."""
+        self._queue.tell_stale(self.asset, why)
 
     def close(self) -> None:
         """Let all rows go, complete or not."""

@@ -5,7 +5,7 @@ import ssl
 from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import aiomqtt
 from paho.mqtt.client import topic_matches_sub
@@ -17,6 +17,10 @@ from faultbond.service.sources.intake import Intake
 from faultbond.service.sources.json_payload import JsonForm
 from faultbond.service.sources.options import SourceOptions
 from faultbond.service.sources.queue import ArrivalQueue, connected
+from faultbond.service.sources.sparkplug_topic import CERTIFICATES, NAMESPACE, is_sparkplug, whole_node
+
+if TYPE_CHECKING:
+    from faultbond.service.sources.sparkplug import EdgeNodes
 
 GATHER = 0.1  # s between what goes out
 KEEP_ALIVE = 10  # s between signs of life, so that a network that is cut is noticed
@@ -90,11 +94,11 @@ class MqttSource:
             tls_context=broker.tls,
             keepalive=KEEP_ALIVE,
             timeout=TIMEOUT,
-            queue_type=_receiving(_Dispatch(readers)),
+            queue_type=_receiving(_Dispatch(readers, _edge_nodes(readers))),
         )
         try:
             async with client:
-                for wanted in dict.fromkeys(self._filters.values()):
+                for wanted in dict.fromkeys(wanted for item in readers for wanted in _wanted(item.filter)):
                     await self._subscribe(client, wanted)
                 yield connected(self._subscribers[0])
                 lost = asyncio.ensure_future(anext(client.messages))
@@ -125,7 +129,8 @@ class MqttSource:
     async def _subscribe(self, client: aiomqtt.Client, wanted: str) -> None:
         """Ask for the messages of some topics."""
         codes = await client.subscribe(wanted, qos=self._broker.qos)
-        if any((code if isinstance(code, int) else code.value) >= REFUSED for code in codes):
+        is_refused = any((code if isinstance(code, int) else code.value) >= REFUSED for code in codes)
+        if is_refused and not wanted.startswith(CERTIFICATES):  # those are a help, where they are
             raise SourceError(
                 f"{self._broker.shown}: the broker lets {self._broker.user or 'nobody'} not read {wanted}."
             )
@@ -141,15 +146,36 @@ def _receiving(take: Callable[[aiomqtt.Message], None]) -> type[asyncio.Queue[ai
     return Receiving
 
 
+def _edge_nodes(readers: Sequence[_Reader]) -> "EdgeNodes | None":
+    """Give what reads Sparkplug B; None where nobody does."""
+    found = [(item.filter, item.intake) for item in readers if is_sparkplug(item.filter)]
+    if not found:
+        return None
+    from faultbond.service.sources.sparkplug import EdgeNodes  # noqa: PLC0415 - needs protobuf
+
+    return EdgeNodes(found)
+
+
+def _wanted(topics: str) -> list[str]:
+    """Give what is subscribed to for a filter; of Sparkplug B kept births come last, so that none is missed between."""
+    if not is_sparkplug(topics):
+        return [topics]
+    return [whole_node(topics), f"{CERTIFICATES}/{whole_node(topics)}"]
+
+
 class _Dispatch:
     """Gives each message to those who read its topic. It is called by the network and never fails."""
 
-    def __init__(self, readers: Sequence[_Reader]) -> None:
-        self._readers = tuple(readers)
+    def __init__(self, readers: Sequence[_Reader], nodes: "EdgeNodes | None") -> None:
+        self._readers = [item for item in readers if not is_sparkplug(item.filter)]
+        self._nodes = nodes
         self._known: dict[str, tuple[list[_Reader], list[str]]] = {}
 
     def __call__(self, message: aiomqtt.Message) -> None:
         topic = str(message.topic)
+        if self._nodes is not None and topic.startswith((f"{NAMESPACE}/", f"{CERTIFICATES}/")):
+            data: Any = message.payload
+            self._nodes.take(topic, bytes(data or b""), is_kept=message.retain)
         if topic not in self._known:
             if len(self._known) >= MOST_TOPICS:
                 self._known.clear()

@@ -18,6 +18,7 @@ from faultbond.service.sources.growing_file import GrowingFile, Replay
 from faultbond.service.sources.intake import held_columns
 from faultbond.service.sources.options import SourceOptions
 from faultbond.service.sources.simulated import SimulatedPlant, SimulationWishes
+from faultbond.service.sources.sparkplug_topic import FILTER, FORM, is_sparkplug
 from faultbond.service.sources.standard_input import StandardInput
 
 FORMS = "sim:, file:PATH, -, mqtt://HOST/TOPIC, mqtts://HOST/TOPIC or opc.tcp://HOST:PORT"
@@ -200,6 +201,8 @@ def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
     for asset, wanted in filters.items():
         if not wanted or not _is_filter(wanted):
             raise asked.mistake(f"{wanted!r} is no topic for {asset}. Write it behind the host, as in HOST/plant/+.")
+        if is_sparkplug(wanted) and not FILTER.fullmatch(wanted):
+            raise asked.mistake(f"{wanted!r} is no topic of Sparkplug B for {asset}. Write {FORM}.")
     qos = asked.whole("qos", 1)
     if qos not in (0, 1, 2):
         raise asked.mistake(f"qos={qos}: expected 0, 1 or 2.")
@@ -209,6 +212,11 @@ def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
         from faultbond.service.sources.mqtt import Broker, MqttSource  # noqa: PLC0415 - needs aiomqtt
     except ImportError as error:
         raise asked.mistake('MQTT needs aiomqtt. Install it with: pip install "faultbond[mqtt]"') from error
+    if any(map(is_sparkplug, filters.values())):
+        try:
+            import google.protobuf  # noqa: F401, PLC0415 - an extra
+        except ImportError as error:
+            raise asked.mistake('Sparkplug B needs protobuf. Install it with: pip install "faultbond[mqtt]"') from error
     broker = Broker(
         host=host,
         port=port or (8883 if tls else 1883),
