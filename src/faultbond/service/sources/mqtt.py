@@ -62,12 +62,18 @@ class MqttSource:
     filters : of the topics, by asset
     subscribers : the assets
     options : how values become rows
+    edge_nodes : what reads Sparkplug B; None where nobody does
     """
 
     def __init__(
-        self, broker: Broker, filters: Mapping[str, str], subscribers: Sequence[Subscriber], options: SourceOptions
+        self,
+        broker: Broker,
+        filters: Mapping[str, str],
+        subscribers: Sequence[Subscriber],
+        options: SourceOptions,
+        edge_nodes: "type[EdgeNodes] | None" = None,
     ) -> None:
-        self._broker, self._filters = broker, dict(filters)
+        self._broker, self._filters, self._edge_nodes = broker, dict(filters), edge_nodes
         self._subscribers, self._options = tuple(subscribers), options
         self._queue = ArrivalQueue(subscribers, options.most_waiting)
 
@@ -85,6 +91,8 @@ class MqttSource:
             Where the broker cannot be reached, refuses, or has been lost.
         """
         broker, readers = self._broker, [self._reader(item) for item in self._subscribers]
+        told = [(item.filter, item.intake) for item in readers if is_sparkplug(item.filter)]
+        nodes = self._edge_nodes(told) if self._edge_nodes is not None else None
         client = aiomqtt.Client(
             broker.host,
             broker.port,
@@ -94,7 +102,7 @@ class MqttSource:
             tls_context=broker.tls,
             keepalive=KEEP_ALIVE,
             timeout=TIMEOUT,
-            queue_type=_receiving(_Dispatch(readers, _edge_nodes(readers))),
+            queue_type=_receiving(_Dispatch(readers, nodes)),
         )
         try:
             async with client:
@@ -144,16 +152,6 @@ def _receiving(take: Callable[[aiomqtt.Message], None]) -> type[asyncio.Queue[ai
             take(item)
 
     return Receiving
-
-
-def _edge_nodes(readers: Sequence[_Reader]) -> "EdgeNodes | None":
-    """Give what reads Sparkplug B; None where nobody does."""
-    found = [(item.filter, item.intake) for item in readers if is_sparkplug(item.filter)]
-    if not found:
-        return None
-    from faultbond.service.sources.sparkplug import EdgeNodes  # noqa: PLC0415 - needs protobuf
-
-    return EdgeNodes(found)
 
 
 def _wanted(topics: str) -> list[str]:

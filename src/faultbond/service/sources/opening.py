@@ -8,6 +8,7 @@ import ssl
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlsplit
 
 from faultbond.errors import FaultbondError, ModelError
@@ -20,6 +21,9 @@ from faultbond.service.sources.options import SourceOptions
 from faultbond.service.sources.simulated import SimulatedPlant, SimulationWishes
 from faultbond.service.sources.sparkplug_topic import FILTER, FORM, is_sparkplug
 from faultbond.service.sources.standard_input import StandardInput
+
+if TYPE_CHECKING:
+    from faultbond.service.sources.sparkplug import EdgeNodes
 
 FORMS = "sim:, file:PATH, -, mqtt://HOST/TOPIC, mqtts://HOST/TOPIC or opc.tcp://HOST:PORT"
 SAFE = "Basic256Sha256"  # what OPC UA is encrypted by, if nothing else is said
@@ -212,11 +216,6 @@ def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
         from faultbond.service.sources.mqtt import Broker, MqttSource  # noqa: PLC0415 - needs aiomqtt
     except ImportError as error:
         raise asked.mistake('MQTT needs aiomqtt. Install it with: pip install "faultbond[mqtt]"') from error
-    if any(map(is_sparkplug, filters.values())):
-        try:
-            import google.protobuf  # noqa: F401, PLC0415 - an extra
-        except ImportError as error:
-            raise asked.mistake('Sparkplug B needs protobuf. Install it with: pip install "faultbond[mqtt]"') from error
     broker = Broker(
         host=host,
         port=port or (8883 if tls else 1883),
@@ -227,7 +226,18 @@ def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
         qos=qos,
         tls=tls,
     )
-    return MqttSource(broker, filters, subscribers, options)
+    return MqttSource(broker, filters, subscribers, options, _edge_nodes(asked, filters))
+
+
+def _edge_nodes(asked: _Asked, filters: Mapping[str, str]) -> "type[EdgeNodes] | None":
+    """Give what reads Sparkplug B; None where no filter is of it."""
+    if not any(map(is_sparkplug, filters.values())):
+        return None
+    try:
+        from faultbond.service.sources.sparkplug import EdgeNodes  # noqa: PLC0415 - needs protobuf
+    except ImportError as error:
+        raise asked.mistake('Sparkplug B needs protobuf. Install it with: pip install "faultbond[mqtt]"') from error
+    return EdgeNodes
 
 
 def topic_filters(address: str, assets: Sequence[str], options: SourceOptions) -> dict[str, str]:

@@ -13,9 +13,9 @@ from paho.mqtt.client import topic_matches_sub
 from faultbond.service.sources.intake import UNKNOWN, UNREADABLE, Intake, Quality, Reading
 from faultbond.service.sources.json_payload import MOST_BYTES, MOST_OBJECTS, OVERSIZED
 from faultbond.service.sources.sparkplug_payload import Metric, SparkplugPayload, typed_value
-from faultbond.service.sources.sparkplug_topic import NAMESPACE, Place, node_of, topic_of
+from faultbond.service.sources.sparkplug_topic import NAMESPACE, Sender, node_of, topic_of
 
-MOST_PLACES = 10_000  # nodes, readers of topics, and names of an asset, that are remembered
+MOST_SENDERS = 10_000  # nodes, readers of topics, and names of an asset, that are remembered
 SEQUENCE = 256  # numbers of messages, after which they begin anew
 BD_SEQ = "bdSeq"  # the metric by which a death is known to be of a birth
 CONTROLS = ("Node Control/", "Device Control/")  # metrics that are commands
@@ -60,59 +60,59 @@ class _Reader:
 
     def __init__(self, wanted: str, intake: Intake) -> None:
         self.filter, self.node_filter, self._intake = wanted, node_of(wanted), intake
-        self._columns: dict[tuple[Place, str], str | None] = {}
-        self._given: dict[Place, set[str]] = {}  # columns that came, of who lives
+        self._columns: dict[tuple[Sender, str], str | None] = {}
+        self._given: dict[Sender, set[str]] = {}  # columns that came, of who lives
         self._told: str | None = None
 
     def count(self, name: str, number: int = 1) -> None:
         """Count what is in no row."""
         self._intake.count(name, number)
 
-    def take(self, place: Place, values: Iterable[_Value]) -> bool:
+    def take(self, sender: Sender, values: Iterable[_Value]) -> bool:
         """Take values of who lives; gives whether the asset has a column for one of them."""
         readings = [
             Reading(column=column, value=value, time=moment, quality=quality)
             for name, value, moment, quality in values
-            if (column := self._column(place, name)) is not None
+            if (column := self._column(sender, name)) is not None
         ]
         if readings:
-            self._given.setdefault(place, set()).update(item.column for item in readings)
+            self._given.setdefault(sender, set()).update(item.column for item in readings)
             self._intake.take(readings)
             self._tell("")
         return bool(readings)
 
-    def is_born(self, place: Place) -> None:
+    def is_born(self, sender: Sender) -> None:
         """Forget what held before a birth."""
-        self._intake.forget(self._given.get(place, ()))
+        self._intake.forget(self._given.get(sender, ()))
 
-    def lacks(self, place: Place) -> None:
+    def lacks(self, sender: Sender) -> None:
         """Take it that values came of which nobody knows what they are."""
         if not self._given and not self._told:
-            self._tell(f"{_called(place)} sends what only its birth would name, and this has not been seen yet")
+            self._tell(f"{_called(sender)} sends what only its birth would name, and this has not been seen yet")
 
-    def loses(self, places: Iterable[Place], why: str) -> None:
+    def loses(self, senders: Iterable[Sender], why: str) -> None:
         """Take it that what came of some is of the past."""
-        for place in places:
-            self._intake.forget(self._given.pop(place, ()))
+        for sender in senders:
+            self._intake.forget(self._given.pop(sender, ()))
         if not self._given:
             self._tell(why)
 
-    def given_of(self, node: Place) -> list[Place]:
+    def given_of(self, node: Sender) -> list[Sender]:
         """Give who of a node gave values and lives."""
-        return [place for place in self._given if place[:2] == node[:2]]
+        return [sender for sender in self._given if sender[:2] == node[:2]]
 
     def _tell(self, why: str) -> None:
         if why != self._told:
             self._told = why
             self._intake.tell_stale(why)
 
-    def _column(self, place: Place, name: str) -> str | None:
+    def _column(self, sender: Sender, name: str) -> str | None:
         """Give the column that is the end of a metric's path, the longest if there are several; None: there is none."""
-        key = place, name
+        key = sender, name
         if key not in self._columns:
-            if len(self._columns) >= MOST_PLACES:
+            if len(self._columns) >= MOST_SENDERS:
                 self._columns.clear()
-            path = "/".join(["", *filter(None, place), name])
+            path = "/".join(["", *filter(None, sender), name])
             fits = [column for column in self._intake.columns if path.endswith(f"/{column}")]
             self._columns[key] = max(fits, key=len, default=None)
         return self._columns[key]
@@ -122,7 +122,7 @@ class _Reader:
 class _Message:
     """A message. own: who reads its node or device; concerned: who reads anything of its node. is_kept: from before."""
 
-    place: Place
+    sender: Sender
     content: SparkplugPayload
     metrics: Sequence[Metric]
     own: Sequence[_Reader]
@@ -140,7 +140,7 @@ class EdgeNodes:
 
     def __init__(self, intakes: Iterable[tuple[str, Intake]]) -> None:
         self._readers = [_Reader(wanted, intake) for wanted, intake in intakes]
-        self._known: dict[Place, tuple[list[_Reader], list[_Reader]]] = {}
+        self._known: dict[Sender, tuple[list[_Reader], list[_Reader]]] = {}
         self._nodes: dict[tuple[str, str], _Node] = {}
 
     def take(self, topic: str, payload: bytes, *, is_kept: bool) -> None:
@@ -148,10 +148,10 @@ class EdgeNodes:
         told = topic_of(topic)
         if told is None or (told.is_certificate and not is_kept):  # a new one came as the birth itself, too
             return
-        own, concerned = self._reading(told.place)
+        own, concerned = self._reading(told.sender)
         if not concerned:
             return
-        heard = own if told.place.device else concerned
+        heard = own if told.sender.device else concerned
         content, wrong = None, RETAINED if is_kept and told.kind != "BIRTH" else ""
         if len(payload) > MOST_BYTES:
             wrong = OVERSIZED
@@ -166,48 +166,48 @@ class EdgeNodes:
             _count(heard, wrong)
         if content is not None:
             message = _Message(
-                place=told.place, content=content, metrics=metrics, own=own, concerned=concerned, is_kept=is_kept
+                sender=told.sender, content=content, metrics=metrics, own=own, concerned=concerned, is_kept=is_kept
             )
-            HANDLED[told.kind](self._node(told.place), message)
+            HANDLED[told.kind](self._node(told.sender), message)
 
-    def _reading(self, place: Place) -> tuple[list[_Reader], list[_Reader]]:
+    def _reading(self, sender: Sender) -> tuple[list[_Reader], list[_Reader]]:
         """Give who reads a node or device, and whom its node concerns."""
-        if place not in self._known:
-            if len(self._known) >= MOST_PLACES:
+        if sender not in self._known:
+            if len(self._known) >= MOST_SENDERS:
                 self._known.clear()
-            node = f"{NAMESPACE}/{place.group}/any/{place.node}"
-            topic = f"{node}/{place.device}" if place.device else node
-            self._known[place] = (
+            node = f"{NAMESPACE}/{sender.group}/any/{sender.node}"
+            topic = f"{node}/{sender.device}" if sender.device else node
+            self._known[sender] = (
                 [item for item in self._readers if topic_matches_sub(item.filter, topic)],
                 [item for item in self._readers if topic_matches_sub(item.node_filter, node)],
             )
-        return self._known[place]
+        return self._known[sender]
 
-    def _node(self, place: Place) -> _Node:
-        if place[:2] not in self._nodes:
-            if len(self._nodes) >= MOST_PLACES:
+    def _node(self, sender: Sender) -> _Node:
+        if sender[:2] not in self._nodes:
+            if len(self._nodes) >= MOST_SENDERS:
                 self._nodes.clear()
-            self._nodes[place[:2]] = _Node()
-        return self._nodes[place[:2]]
+            self._nodes[sender[:2]] = _Node()
+        return self._nodes[sender[:2]]
 
 
 def _birth(node: _Node, message: _Message) -> None:
     """Take what a birth names, and its values if it is of now."""
-    place, metrics, at = message.place, message.metrics, message.content.time or 0.0
-    if message.is_kept and (place.device in node.births or node.is_dead(place.device)):
+    sender, metrics, at = message.sender, message.metrics, message.content.time or 0.0
+    if message.is_kept and (sender.device in node.births or node.is_dead(sender.device)):
         return  # what was seen of now goes before
-    if place.device:
+    if sender.device:
         _follow(node, message)
     else:
         node.bd_seq = _session(metrics)
-    if not (place.device or message.is_kept):
+    if not (sender.device or message.is_kept):
         node.seq, node.is_followed = message.content.seq, True
         node.births = {device: birth for device, birth in node.births.items() if birth.at >= at}  # they overtook it
         for reader in message.concerned:
-            for lost in reader.given_of(place):
+            for lost in reader.given_of(sender):
                 if lost.device and lost.device not in node.births:
                     reader.loses([lost], f"{_called(lost)} has not been born again since its node was")
-    node.births[place.device] = _Birth(
+    node.births[sender.device] = _Birth(
         at=at,
         names={item.alias: item.name for item in metrics if item.alias is not None},
         types={item.name: item.datatype for item in metrics},
@@ -215,39 +215,39 @@ def _birth(node: _Node, message: _Message) -> None:
     if message.is_kept:  # what it names is of now, what it measured is not
         return
     for reader in message.own:
-        reader.is_born(place)
-    values, _ = _values(node.births[place.device], metrics)
+        reader.is_born(sender)
+    values, _ = _values(node.births[sender.device], metrics)
     for reader in message.own:
-        if not reader.take(place, values) and values:
+        if not reader.take(sender, values) and values:
             reader.count(UNKNOWN)
 
 
 def _data(node: _Node, message: _Message) -> None:
     """Take values of who lives; those of the others, and those that no birth has named, are counted."""
-    place, metrics = message.place, message.metrics
+    sender, metrics = message.sender, message.metrics
     _follow(node, message)
-    if node.is_dead(place.device):
+    if node.is_dead(sender.device):
         values, n_unborn = list[_Value](), len(metrics)
     else:
-        values, n_unborn = _values(node.births.get(place.device, UNTOLD), metrics)
+        values, n_unborn = _values(node.births.get(sender.device, UNTOLD), metrics)
     for reader in message.own:
-        reader.take(place, values)
+        reader.take(sender, values)
         if n_unborn:
             reader.count(UNBORN, n_unborn)
-            reader.lacks(place)
+            reader.lacks(sender)
 
 
 def _death(node: _Node, message: _Message) -> None:
     """Take it that a device is dead, or a node with all its devices; of another session it says nothing."""
-    place = message.place
-    why = f"{_called(place)} is dead, and what it sent is of the past until its next birth"
-    if place.device:
+    sender = message.sender
+    why = f"{_called(sender)} is dead, and what it sent is of the past until its next birth"
+    if sender.device:
         _follow(node, message)
-        node.births.pop(place.device, None)
-        node.gone.add(place.device)
+        node.births.pop(sender.device, None)
+        node.gone.add(sender.device)
         _count(message.own, DEATHS)
         for reader in message.own:
-            reader.loses([place], why)
+            reader.loses([sender], why)
         return
     session = _session(message.metrics)
     if None not in (session, node.bd_seq) and session != node.bd_seq:
@@ -257,7 +257,7 @@ def _death(node: _Node, message: _Message) -> None:
     node.seq, node.is_followed = None, True
     _count(message.concerned, DEATHS)
     for reader in message.concerned:
-        reader.loses(reader.given_of(place), why)
+        reader.loses(reader.given_of(sender), why)
 
 
 HANDLED = {"BIRTH": _birth, "DATA": _data, "DEATH": _death}
@@ -291,9 +291,9 @@ def _session(metrics: Iterable[Metric]) -> object:
     return next((item.value for item in metrics if item.name == BD_SEQ), None)
 
 
-def _called(place: Place) -> str:
+def _called(sender: Sender) -> str:
     """Give what people call a node or device."""
-    return f"device {place.device} of {place.node}" if place.device else f"edge node {place.node}"
+    return f"device {sender.device} of {sender.node}" if sender.device else f"edge node {sender.node}"
 
 
 def _count(readers: Iterable[_Reader], name: str) -> None:

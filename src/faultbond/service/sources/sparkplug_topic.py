@@ -10,7 +10,7 @@ FILTER = re.compile(rf"{re.escape(NAMESPACE)}/[^/#]+/\+/(#|[^/#]+(/(#|[^/#]+))?)
 KINDS = {4: ("NBIRTH", "NDATA", "NDEATH"), 5: ("DBIRTH", "DDATA", "DDEATH")}  # that are read, by levels of the topic
 
 
-class Place(NamedTuple):
+class Sender(NamedTuple):
     """An edge node, or a device of it; device is empty for the node itself."""
 
     group: str
@@ -22,7 +22,7 @@ class SparkplugTopic(NamedTuple):
     """What a topic says of a message. kind: BIRTH, DATA or DEATH. is_certificate: whether brokers keep it there."""
 
     kind: str
-    place: Place
+    sender: Sender
     is_certificate: bool
 
 
@@ -47,11 +47,11 @@ def topic_of(topic: str) -> SparkplugTopic | None:
 
     Example
     -------
-    >>> topic_of("spBv1.0/hall/DDATA/gateway/pump").place
-    Place(group='hall', node='gateway', device='pump')
+    >>> topic_of("spBv1.0/hall/DDATA/gateway/pump").sender
+    Sender(group='hall', node='gateway', device='pump')
     """
     own = topic.removeprefix(f"{CERTIFICATES}/")
     levels = own.split("/")
     if levels[0] != NAMESPACE or len(levels) not in KINDS or levels[2] not in KINDS[len(levels)]:
         return None
-    return SparkplugTopic(levels[2][1:], Place(levels[1], *levels[3:]), own != topic)
+    return SparkplugTopic(levels[2][1:], Sender(levels[1], *levels[3:]), own != topic)

@@ -180,6 +180,6 @@ byId("leave").addEventListener("click", async () => {
   await logout().catch(() => {});
   askLogin();
 });
-const tour = new Tour({ button: byId("tour"), card: byId("tour-card"), offer: byId("offer"), main: byId("main") });
+const tour = new Tour({ button: byId("tour"), offer: byId("offer"), main: byId("main") });
 setInterval(tick, 1000);
 begin();

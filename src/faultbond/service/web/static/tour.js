@@ -33,14 +33,15 @@ const memory = { // a browser may refuse to keep anything
 };
 
 export class Tour {
-  constructor({ button, card, offer, main }) {
-    Object.assign(this, { button, card, offer, main, step: 0, wanted: null, state: null });
+  constructor({ button, offer, main }) {
+    Object.assign(this, { button, offer, main, step: 0, wanted: null, state: null });
     this.count = make("p", { class: "hint" });
     this.title = make("h2", { id: "tour-title" });
     this.text = make("div", { id: "tour-text" });
     this.back = make("button", { type: "button", on: { click: () => this.go(this.step - 1) } }, "Back");
     this.next = make("button", { type: "button", class: "main", on: { click: () => this.go(this.step + 1) } });
-    card.append(make("div", { "aria-live": "polite" }, this.count, this.title, this.text),
+    const card = this.card = make("dialog", { class: "tour", id: "tour-card", "aria-labelledby": "tour-title", "aria-describedby": "tour-text" },
+      make("div", { "aria-live": "polite" }, this.count, this.title, this.text),
       make("div", { class: "dialog-end" }, make("button", { type: "button", class: "leave", on: { click: () => this.end() } }, "End tour"), this.back, this.next));
     card.addEventListener("close", () => this.ended());
     card.addEventListener("keydown", (event) => {
@@ -83,6 +84,7 @@ export class Tour {
 
   open() {
     this.wanted = null;
+    document.body.append(this.card);
     this.card.showModal();
     this.go(0);
   }
@@ -131,6 +133,7 @@ export class Tour {
   }
 
   ended() {
+    this.card.remove();
     this.leave();
     this.button.focus();
   }
