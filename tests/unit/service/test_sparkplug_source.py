@@ -3,6 +3,7 @@
 import asyncio
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from hypothesis import strategies as st
 pytest.importorskip("aiomqtt", reason="there is no aiomqtt: pip install 'faultbond[mqtt]'")
 pytest.importorskip("google.protobuf", reason="there is no protobuf: pip install 'faultbond[mqtt]'")
 
-from arriving import Gathered, subscriber
+from arriving import COLUMNS, Gathered, subscriber
 from faultbond.errors import FaultbondError
+from faultbond.io.recording import Column
+from faultbond.model.graph import Unit
 from faultbond.service.sources.intake import Intake
 from faultbond.service.sources.opening import open_source
 from faultbond.service.sources.options import SourceOptions
@@ -97,6 +100,24 @@ def test_a_column_is_the_end_of_a_metrics_path() -> None:
     assert found.counts() == {"unknown": 1}
 
 
+def test_of_two_columns_that_end_a_path_the_longer_is_meant() -> None:
+    """As where devices have metrics of one name."""
+    names = ("y", "pump/y", "fan/Motor/y")
+    columns = replace(COLUMNS, outputs=tuple(Column(header=name, unit=Unit("Pa"), role=name) for name in names))
+    node = EdgeNode()
+
+    async def play() -> Gathered:
+        queue = ArrivalQueue([subscriber("one", columns)], 1000)
+        intake = Intake(subscriber("one", columns), ALONE, queue)
+        nodes = EdgeNodes([("spBv1.0/hall/+/gateway/#", intake)])
+        for device, name, value in (("pump", "y", 1.0), ("fan", "Motor/y", 2.0), ("vent", "Motor/y", 3.0)):
+            nodes.take(*node.data(metric(name, value, at=1.0), device=device), is_kept=False)
+        intake.close()
+        return Gathered(list(queue.drain()))
+
+    np.testing.assert_allclose(asyncio.run(play()).rows(), [[1.0, math.nan, 3.0, 1.0, 2.0]])
+
+
 @pytest.mark.parametrize(
     ("topic", "reads"),
     [
@@ -153,6 +174,8 @@ def test_null_is_missing_and_quality_is_heeded() -> None:
     expected = [[1.0, math.nan, 2500.0, math.nan], [2.0, 50.0, math.nan, 293.15], [3.0, 50.0, math.nan, 293.15]]
     np.testing.assert_allclose(found.rows(), expected)
     assert found.counts() == {"bad": 3, "uncertain": 2}
+    null = metric("y", 7.0, at=1.0) + whole(7, 1)
+    assert np.isnan(heard([node.device_birth(metric("u", 50.0, at=1.0), null)]).rows()[0, 2]), "whatever it has beside"
 
 
 def test_whole_numbers_are_read_by_the_type_of_their_birth() -> None:
@@ -261,6 +284,7 @@ def test_after_its_death_a_device_has_no_data_until_its_birth() -> None:
     found = heard(dead, HOLDS)
     assert found.counts() == {"deaths": 1, "unborn": 3}
     assert stale(found) == "device pump of gateway is dead, and what it sent is of the past until its next birth"
+    assert heard([node.device_death(), node.data(*named(2.0))]).counts() == {"deaths": 1, "unborn": 3}
     without_input = node.device_birth(*named(3.0)[1:], at=3.0)
     found = heard([*dead, without_input], HOLDS)
     np.testing.assert_allclose(found.rows()[-1], [3.0, math.nan, *SI[1:]])

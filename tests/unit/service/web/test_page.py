@@ -378,7 +378,7 @@ TOURED = (".verdict", ".plant-drawing", ".trends", ".explanations", ".verdict .b
 
 def toured(page: Any, step: int) -> None:
     """See that a step of the tour stands in the window beside its part, and that the part can be seen."""
-    until(page, "(title) => document.getElementById('tour-title').textContent === title", TOUR[step])
+    until(page, "(title) => document.getElementById('tour-title')?.textContent === title", TOUR[step])
     assert page.inner_text("#tour-card .hint") == f"Step {step + 1} of 5"
     assert page.locator("[data-toured]").count() == 1
     part = page.locator(f"{TOURED[step]}[data-toured]").bounding_box()
