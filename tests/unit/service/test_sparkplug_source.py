@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 pytest.importorskip("aiomqtt", reason="there is no aiomqtt: pip install 'faultbond[mqtt]'")
@@ -200,6 +200,7 @@ def test_whole_numbers_are_read_by_the_type_of_their_birth() -> None:
     assert found.counts() == {"unreadable": 2}
 
 
+@settings(deadline=None)
 @given(st.integers(1, 8), st.integers(0, 2**64 - 1))
 def test_a_whole_number_lies_in_the_range_of_its_type(datatype: int, travels: int) -> None:
     """And a signed one that is in range comes back from its complement, of whichever width."""
@@ -397,6 +398,7 @@ def damaged(draw: st.DrawFn) -> bytes:
     return bytes(data)
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(KINDS), st.one_of(st.binary(max_size=60), damaged()), st.booleans())))
 def test_nothing_that_comes_stops_it(messages: list[tuple[str, bytes, bool]]) -> None:
     """Whatever the bytes, each payload is either read or counted, and a birth and data behind it are read."""

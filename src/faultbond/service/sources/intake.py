@@ -21,6 +21,7 @@ SAMPLES, LEAST, MOST = 2.0, 0.2, 5.0  # patience where none is declared: so many
 TOGETHER = 0.5  # of a sample: the grid takes the row that is no farther off
 TIME = "\0time"  # the name of no column
 UNREADABLE, UNKNOWN = "unreadable", "unknown"  # what is no number, or no message; what no column is named after
+RETAINED = "retained"  # an old value without a time: it says nothing of now
 
 
 class Quality(Enum):

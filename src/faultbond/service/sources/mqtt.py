@@ -13,7 +13,7 @@ from paho.mqtt.client import topic_matches_sub
 from faultbond.errors import SourceError
 from faultbond.service.contract.messages import Arrivals
 from faultbond.service.contract.source import Subscriber
-from faultbond.service.sources.intake import Intake
+from faultbond.service.sources.intake import RETAINED, Intake
 from faultbond.service.sources.json_payload import JsonForm
 from faultbond.service.sources.options import SourceOptions
 from faultbond.service.sources.queue import ArrivalQueue, connected
@@ -27,7 +27,6 @@ KEEP_ALIVE = 10  # s between signs of life, so that a network that is cut is not
 TIMEOUT = 10.0  # s for the broker to answer
 MOST_TOPICS = 10_000  # whose readers are remembered
 REFUSED = 128  # lowest reason code of a subscription that says no
-RETAINED = "retained"  # an old value without a time: it says nothing of now
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

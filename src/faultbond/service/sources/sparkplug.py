@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from paho.mqtt.client import topic_matches_sub
 
-from faultbond.service.sources.intake import UNKNOWN, UNREADABLE, Intake, Quality, Reading
+from faultbond.service.sources.intake import RETAINED, UNKNOWN, UNREADABLE, Intake, Quality, Reading
 from faultbond.service.sources.json_payload import MOST_BYTES, MOST_OBJECTS, OVERSIZED
 from faultbond.service.sources.sparkplug_payload import Metric, SparkplugPayload, typed_value
 from faultbond.service.sources.sparkplug_topic import NAMESPACE, Sender, node_of, topic_of
@@ -19,7 +19,6 @@ MOST_SENDERS = 10_000  # nodes, readers of topics, and names of an asset, that a
 SEQUENCE = 256  # numbers of messages, after which they begin anew
 BD_SEQ = "bdSeq"  # the metric by which a death is known to be of a birth
 CONTROLS = ("Node Control/", "Device Control/")  # metrics that are commands
-RETAINED = "retained"
 UNBORN, SEQUENCE_GAP, DEATHS = "unborn", "sequence gap", "deaths"
 
 
