@@ -125,8 +125,9 @@ def test_a_broker_that_was_killed_has_no_births(broker: Mosquitto) -> None:
     assert found.counts() == {"unborn": 3}
 
 
-def test_births_that_the_broker_keeps_come_first(broker: Mosquitto) -> None:
-    """As brokers that know Sparkplug keep them; and a birth there that is new is none of its own."""
+@pytest.mark.parametrize("asked", ["", "?births=0"])
+def test_births_that_the_broker_keeps_are_taken(broker: Mosquitto, asked: str) -> None:
+    """As brokers that know Sparkplug keep them, unless they are not asked for; a new one there is none of its own."""
 
     async def course() -> Gathered:
         node = EdgeNode()
@@ -136,16 +137,21 @@ def test_births_that_the_broker_keeps_come_first(broker: Mosquitto) -> None:
         births = [(f"$sparkplug/certificates/{name}", data) for name, data in (node.birth(), node.device_birth(*named))]
         async with connected(broker) as client:
             await send(client, births, retain=True)
-            source = open_source(address(broker, "/pump"), [subscriber()])
-            task = asyncio.create_task(gather(source, n_rows(1)))
+            source = open_source(f"{address(broker, '/pump')}{asked}", [subscriber()])
+            task = asyncio.create_task(
+                gather(source, lambda seen: any(len(item.rows) or item.counts for item in seen.arrivals))
+            )
             await asyncio.sleep(0.3)
             await send(client, births, retain=True)
             await send(client, [node.data(*short)])
             return await asyncio.wait_for(task, 5.0)
 
     found = asyncio.run(asyncio.wait_for(course(), 20.0))
-    np.testing.assert_allclose(found.rows(), [[2.0, 50.0, 2500.0, 293.15]])
-    assert found.counts() == {}
+    if asked:
+        assert found.counts() == {"unborn": 3}
+    else:
+        np.testing.assert_allclose(found.rows(), [[2.0, 50.0, 2500.0, 293.15]])
+        assert found.counts() == {}
 
 
 WIDE = Columns(

@@ -31,7 +31,10 @@ REFUSED = 128  # lowest reason code of a subscription that says no
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Broker:
-    """Where messages come from. tls: None where the traffic may be read by others. shown: without the password."""
+    """Where messages come from. tls: None where the traffic may be read by others. shown: without the password.
+
+    has_births: whether it is asked for births of Sparkplug B that it may have kept.
+    """
 
     host: str
     port: int
@@ -41,6 +44,7 @@ class Broker:
     client: str | None = None
     qos: int = 1
     tls: ssl.SSLContext | None = None
+    has_births: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +109,7 @@ class MqttSource:
         )
         try:
             async with client:
-                for wanted in dict.fromkeys(wanted for item in readers for wanted in _wanted(item.filter)):
+                for wanted in dict.fromkeys(wanted for item in readers for wanted in self._wanted(item.filter)):
                     await self._subscribe(client, wanted)
                 yield connected(self._subscribers[0])
                 lost = asyncio.ensure_future(anext(client.messages))
@@ -133,6 +137,13 @@ class MqttSource:
         )
         return _Reader(filter=self._filters[subscriber.asset], intake=intake, form=form)
 
+    def _wanted(self, topics: str) -> list[str]:
+        """Give what is subscribed to for a filter; kept births come last, so that none is missed between."""
+        if not is_sparkplug(topics):
+            return [topics]
+        kept = [f"{CERTIFICATES}/{whole_node(topics)}"] if self._broker.has_births else []
+        return [whole_node(topics), *kept]
+
     async def _subscribe(self, client: aiomqtt.Client, wanted: str) -> None:
         """Ask for the messages of some topics."""
         codes = await client.subscribe(wanted, qos=self._broker.qos)
@@ -151,13 +162,6 @@ def _receiving(take: Callable[[aiomqtt.Message], None]) -> type[asyncio.Queue[ai
             take(item)
 
     return Receiving
-
-
-def _wanted(topics: str) -> list[str]:
-    """Give what is subscribed to for a filter; of Sparkplug B kept births come last, so that none is missed between."""
-    if not is_sparkplug(topics):
-        return [topics]
-    return [whole_node(topics), f"{CERTIFICATES}/{whole_node(topics)}"]
 
 
 class _Dispatch:

@@ -198,7 +198,7 @@ def _file(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
 
 
 def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> LiveSource:
-    asked = _Asked(place, settings, ("client", "qos", "patience", "together"))
+    asked = _Asked(place, settings, ("births", "client", "qos", "patience", "together"))
     scheme, _, rest = place.partition("://")
     host, port, user, password = _log_in(asked, rest.partition("/")[0], options)
     filters = topic_filters(place, [item.asset for item in subscribers], options)
@@ -225,6 +225,7 @@ def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
         client=asked.text("client") or None,
         qos=qos,
         tls=tls,
+        has_births=asked.flag("births", default=True),
     )
     return MqttSource(broker, filters, subscribers, options, _edge_nodes(asked, filters))
 
