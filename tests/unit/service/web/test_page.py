@@ -435,8 +435,9 @@ def test_the_tour_by_keyboard(opened: Callable[..., Any], served: Served) -> Non
     assert page.locator("[data-toured]").count() == 0
     page.keyboard.press("Enter")
     toured(page, 0)
-    page.go_back()
+    page.evaluate("location.hash = '#/motor_1'")
     page.wait_for_selector("#tour-card", state="hidden")
+    assert page.wrong == []
 
 
 def test_the_tour_is_offered_once_of_what_is_simulated(
@@ -457,6 +458,7 @@ def test_the_tour_is_offered_once_of_what_is_simulated(
     page.get_by_role("button", name="Show me").click()
     toured(page, 0)
     page.keyboard.press("Escape")
+    until(page, "document.activeElement.id === 'tour'")
     assert page.locator("#offer").is_hidden()
     known = served.face.site
     monkeypatch.setattr(served.face, "site", lambda: {**known(), "source": "mqtt://broker/plant"})
