@@ -53,6 +53,23 @@ users:
     assert site.users["anna"].role == "operate"
 
 
+def test_of_a_sparkplug_device_all_of_its_node_is_read(tmp_path: Path) -> None:
+    """So nobody is told there; each asset may name a device of its own, or another kind of topic."""
+    text = """\
+source: mqtt://broker/spBv1.0/hall/+/gateway/{asset}
+assets:
+  left: {model: loop.yaml}
+  right: {model: loop.yaml, topic: spBv1.0/hall/+/other}
+  plain: {model: loop.yaml, topic: hall/plain}
+"""
+    found = read_site(written(tmp_path, text)).topics()
+    assert found == {
+        "left": "spBv1.0/hall/+/gateway/#",
+        "right": "spBv1.0/hall/+/other/#",
+        "plain": "hall/plain",
+    }
+
+
 def test_little_is_enough(tmp_path: Path) -> None:
     """A model for each asset; all else has a default."""
     site = read_site(written(tmp_path, "assets: {loop: {model: loop.yaml}}\n"))
@@ -124,20 +141,3 @@ def test_a_network_without_time_is_refused() -> None:
     """There is nothing to watch."""
     with pytest.raises(FaultbondError, match="no samples to watch"):
         site_of([MODEL.parents[1] / "thesis" / "fig_3_7.yaml"], source=None, store=None, port=None, accept=None)
-
-
-def test_of_a_sparkplug_device_all_of_its_node_is_read(tmp_path: Path) -> None:
-    """So nobody is told there; each asset may name a device of its own, or another kind of topic."""
-    text = """\
-source: mqtt://broker/spBv1.0/hall/+/gateway/{asset}
-assets:
-  left: {model: loop.yaml}
-  right: {model: loop.yaml, topic: spBv1.0/hall/+/other}
-  plain: {model: loop.yaml, topic: hall/plain}
-"""
-    found = read_site(written(tmp_path, text)).topics()
-    assert found == {
-        "left": "spBv1.0/hall/+/gateway/#",
-        "right": "spBv1.0/hall/+/other/#",
-        "plain": "hall/plain",
-    }
