@@ -50,20 +50,23 @@ def wait() -> None:
 
 
 def take() -> None:
-    """Take the overview on a phone, and the asset on a desk."""
+    """Take the overview on a phone, the asset on a desk, and a step of the tour."""
     with sync_playwright() as played:
         browser = played.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         picture(browser, "", "service_phone.png", width=390, height=430, scheme="dark")
         picture(browser, "#/tank", "service.png", width=1280, height=1440, scheme="light")
         bring(browser, "service_offline.png")
+        picture(browser, "#/tank", "service_tour.png", width=1180, height=560, scheme="light", step=4)
         browser.close()
 
 
-def picture(browser: Any, place: str, name: str, *, width: int, height: int, scheme: str) -> None:
-    """Take one picture."""
+def picture(browser: Any, place: str, name: str, *, width: int, height: int, scheme: str, step: int = 0) -> None:
+    """Take one picture; step: of the tour, 0: none."""
     page = browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
     page.goto(f"http://127.0.0.1:{PORT}/{place}")
     page.wait_for_timeout(3000)  # plots draw themselves
+    for k in range(step):
+        page.click("#tour-card button.main" if k else "#tour")
     page.screenshot(path=Path(__file__).parent / name)
     page.close()
 

@@ -32,7 +32,7 @@ def patience(asset: Asset) -> float:
 
 
 def asset_status(
-    asset: Asset, *, silence: float | None, trouble: str = "", unwatched: str | None = None
+    asset: Asset, *, silence: float | None, trouble: str = "", stale: str = "", unwatched: str | None = None
 ) -> AssetStatus:
     """Tell how an asset stands.
 
@@ -41,9 +41,10 @@ def asset_status(
     asset : the asset
     silence : s since its last row came; None: none has
     trouble : why its source gives nothing, a sentence; empty: nothing is known of that
+    stale : why what its source gave last is of the past, a sentence; empty: it is of now
     unwatched : why nothing watches it any more, a sentence, empty where the service was stopped; None: it is watched
     """
-    monitoring = _monitoring(asset, silence, stopped=unwatched is not None)
+    monitoring = _monitoring(asset, None if stale else silence, stopped=unwatched is not None)
     healthy, told = _of_the_plant(asset, monitoring)
     of_before = f" {told}" if healthy is not Ne107.NORMAL else ""  # without data nothing is as the model expects
     if monitoring is Monitoring.STOPPED:
@@ -51,7 +52,7 @@ def asset_status(
         return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=headline)
     if monitoring is Monitoring.NO_DATA:
         absent = f"No data{' yet' if silence is None else f' for {duration_text(silence, digits=2)}'}"
-        headline = f"{_because(absent, trouble)}{of_before}"
+        headline = f"{_because(absent, trouble or stale)}{of_before}"
         return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=headline)
     if asset.alarm.out_of_service:
         return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=f"Out of service. {told}")

@@ -21,6 +21,7 @@ from faultbond.service.site_numbers import read_number, read_size
 from faultbond.service.site_offline import read_limits
 from faultbond.service.sources.opening import OPENED, shown_address, topic_filters
 from faultbond.service.sources.options import SourceOptions
+from faultbond.service.sources.sparkplug_topic import is_sparkplug, whole_node
 from faultbond.service.web.security import check_hash
 from faultbond.types import LOWEST_LEVEL, TimeGrid
 
@@ -178,7 +179,8 @@ class Site:
         for address in dict.fromkeys(item.source for item in self.assets):
             if address.lower().startswith(("mqtt:", "mqtts:")):
                 fed = [item.name for item in self.assets if item.source == address]
-                found |= topic_filters(address, fed, self.options(address))
+                for name, wanted in topic_filters(address, fed, self.options(address)).items():
+                    found[name] = whole_node(wanted) if is_sparkplug(wanted) else wanted
         return found
 
 
@@ -260,6 +262,10 @@ def read_site(path: Path, *, port: int | None = None, mistakes: Mistakes | None 
     if mistakes is None:
         found.tell()
     return site
+
+
+def _limits(told: Mapping[str, Spot], folder: Path, usual: OfflineLimits) -> OfflineLimits | None:
+    return read_limits(told["offline"], folder, usual) if "offline" in told else usual
 
 
 def _place(spot: Spot) -> str:

@@ -28,10 +28,12 @@ NOTES = 3  # newest remarks about the service that are
 class _Seen:
     """What is known of an asset beside its log.
 
-    heard: when its last row came, s that only grow. counts: of what did not become rows. status: and since when.
+    heard: when its last row came, s that only grow. stale: why what came is of the past; empty: it is of now.
+    counts: of what did not become rows. status: and since when.
     """
 
     heard: float | None = None
+    stale: str = ""
     status: tuple[Any, ...] = ()
     since: float = 0.0
     counts: Counter[str] = field(default_factory=Counter)
@@ -73,6 +75,7 @@ class SiteView:
         seen = self._seen[arrivals.asset]
         if len(arrivals.rows):  # what could not be read is no data
             seen.heard = self._steady()
+        seen.stale = seen.stale if arrivals.stale is None else arrivals.stale
         seen.counts.update(arrivals.counts)
         if is_dropped:
             seen.counts[DROPPED] += len(arrivals.rows)
@@ -158,6 +161,7 @@ class SiteView:
             asset,
             silence=None if seen.heard is None else self._steady() - seen.heard,
             trouble=parts[0].trouble,
+            stale=seen.stale,
             unwatched="" if self.is_stopped else given_up[-1] if given_up else None,
         )
         status = (stands.status, stands.monitoring is Monitoring.NO_DATA)

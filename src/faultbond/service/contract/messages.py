@@ -94,7 +94,8 @@ class Arrivals:
 
     arrived: when. cursor: where the source stands behind them, a text that it understands when it begins again; empty
     where it cannot go back. counts: what else came since the arrivals before and is not in `rows`, by name: `dropped`
-    (the queue was full), `bad` and `uncertain` (values by their quality; a bad one is nan in its row).
+    (the queue was full), `bad` and `uncertain` (values by their quality; a bad one is nan in its row). stale: why all
+    values of the asset are of the past though its source works, a sentence; empty: they are of now; None: as before.
     """
 
     asset: str
@@ -102,10 +103,11 @@ class Arrivals:
     arrived: float
     cursor: str = ""
     counts: Mapping[str, int] = field(default_factory=lambda: NOTHING)
+    stale: str | None = None
 
     def __bool__(self) -> bool:
         """Whether there is something in them."""
-        return bool(len(self.rows) or self.counts)
+        return bool(len(self.rows) or self.counts) or self.stale is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

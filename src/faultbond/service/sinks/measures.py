@@ -30,6 +30,9 @@ COUNTED: Mapping[str, tuple[str, str]] = {  # counts of an asset: what they are 
     "oversized": ("oversized_messages", "Messages that were too large."),
     "retained": ("retained_messages", "Old messages that the broker had kept."),
     "overflow": ("overflows", "Values before which the server dropped some."),
+    "unborn": ("unborn_values", "Values that no birth of Sparkplug B has named."),
+    "sequence gap": ("sequence_gaps", "Messages of Sparkplug B that do not follow the one before them."),
+    "deaths": ("deaths", "Deaths of edge nodes and devices of Sparkplug B."),
     "source lost": ("sources_lost", "Times that its source was lost."),
     "begun anew": ("sources_begun_anew", "Files or simulations that had to be begun anew."),
 }

@@ -9,7 +9,7 @@ a row of its own: the grid, which takes the rows, judges and counts them.
 
 import math
 from bisect import bisect_left, bisect_right, insort
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 MOST_ROWS = 10_000  # that wait; where there are more, the oldest go out as they are
 MOST_HELD = 1_000  # values of a signal that holds, of which the older half is forgotten where there are more
@@ -65,6 +65,12 @@ class Assembly:
         row = self._open(signal, time) or self._begin(time, now)
         row.values[signal] = value
         row.has.add(signal)
+
+    def forget(self, signals: Iterable[int]) -> None:
+        """Forget the last values of signals that hold; those of others are in their rows."""
+        for signal in signals:
+            if signal in self._held:
+                self._held[signal].clear()
 
     def ready(self, now: float) -> list[RawRow]:
         """Give the rows that go out at a moment."""

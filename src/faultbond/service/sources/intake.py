@@ -3,7 +3,7 @@
 import asyncio
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -21,6 +21,7 @@ SAMPLES, LEAST, MOST = 2.0, 0.2, 5.0  # patience where none is declared: so many
 TOGETHER = 0.5  # of a sample: the grid takes the row that is no farther off
 TIME = "\0time"  # the name of no column
 UNREADABLE, UNKNOWN = "unreadable", "unknown"  # what is no number, or no message; what no column is named after
+RETAINED = "retained"  # an old value without a time: it says nothing of now
 
 
 class Quality(Enum):
@@ -85,9 +86,17 @@ class Intake:
         if readings:
             self._wake(now + SETTLE)
 
-    def count(self, name: str) -> None:
+    def forget(self, columns: Iterable[str]) -> None:
+        """Forget what holds of some columns: it is of the past."""
+        self._assembly.forget(self.columns[name] for name in columns)
+
+    def count(self, name: str, number: int = 1) -> None:
         """Count what is in no row, or in one as missing."""
-        self._queue.count(self.asset, name)
+        self._queue.count(self.asset, name, number)
+
+    def tell_stale(self, why: str) -> None:
+        """Tell why all values are of the past, or by an empty text that they are of now."""
+        self._queue.tell_stale(self.asset, why)
 
     def close(self) -> None:
         """Let all rows go, complete or not."""

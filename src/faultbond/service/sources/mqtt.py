@@ -5,7 +5,7 @@ import ssl
 from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import aiomqtt
 from paho.mqtt.client import topic_matches_sub
@@ -13,22 +13,28 @@ from paho.mqtt.client import topic_matches_sub
 from faultbond.errors import SourceError
 from faultbond.service.contract.messages import Arrivals
 from faultbond.service.contract.source import Subscriber
-from faultbond.service.sources.intake import Intake
+from faultbond.service.sources.intake import RETAINED, Intake
 from faultbond.service.sources.json_payload import JsonForm
 from faultbond.service.sources.options import SourceOptions
 from faultbond.service.sources.queue import ArrivalQueue, connected
+from faultbond.service.sources.sparkplug_topic import CERTIFICATES, NAMESPACE, is_sparkplug, whole_node
+
+if TYPE_CHECKING:
+    from faultbond.service.sources.sparkplug import EdgeNodes
 
 GATHER = 0.1  # s between what goes out
 KEEP_ALIVE = 10  # s between signs of life, so that a network that is cut is noticed
 TIMEOUT = 10.0  # s for the broker to answer
 MOST_TOPICS = 10_000  # whose readers are remembered
 REFUSED = 128  # lowest reason code of a subscription that says no
-RETAINED = "retained"  # an old value without a time: it says nothing of now
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Broker:
-    """Where messages come from. tls: None where the traffic may be read by others. shown: without the password."""
+    """Where messages come from. tls: None where the traffic may be read by others. shown: without the password.
+
+    has_births: whether it is asked for births of Sparkplug B that it may have kept.
+    """
 
     host: str
     port: int
@@ -38,6 +44,7 @@ class Broker:
     client: str | None = None
     qos: int = 1
     tls: ssl.SSLContext | None = None
+    has_births: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,12 +65,18 @@ class MqttSource:
     filters : of the topics, by asset
     subscribers : the assets
     options : how values become rows
+    edge_nodes : what reads Sparkplug B; None where nobody does
     """
 
     def __init__(
-        self, broker: Broker, filters: Mapping[str, str], subscribers: Sequence[Subscriber], options: SourceOptions
+        self,
+        broker: Broker,
+        filters: Mapping[str, str],
+        subscribers: Sequence[Subscriber],
+        options: SourceOptions,
+        edge_nodes: "type[EdgeNodes] | None" = None,
     ) -> None:
-        self._broker, self._filters = broker, dict(filters)
+        self._broker, self._filters, self._edge_nodes = broker, dict(filters), edge_nodes
         self._subscribers, self._options = tuple(subscribers), options
         self._queue = ArrivalQueue(subscribers, options.most_waiting)
 
@@ -81,6 +94,8 @@ class MqttSource:
             Where the broker cannot be reached, refuses, or has been lost.
         """
         broker, readers = self._broker, [self._reader(item) for item in self._subscribers]
+        told = [(item.filter, item.intake) for item in readers if is_sparkplug(item.filter)]
+        nodes = self._edge_nodes(told) if self._edge_nodes is not None else None
         client = aiomqtt.Client(
             broker.host,
             broker.port,
@@ -90,11 +105,11 @@ class MqttSource:
             tls_context=broker.tls,
             keepalive=KEEP_ALIVE,
             timeout=TIMEOUT,
-            queue_type=_receiving(_Dispatch(readers)),
+            queue_type=_receiving(_Dispatch(readers, nodes)),
         )
         try:
             async with client:
-                for wanted in dict.fromkeys(self._filters.values()):
+                for wanted in dict.fromkeys(wanted for item in readers for wanted in self._wanted(item.filter)):
                     await self._subscribe(client, wanted)
                 yield connected(self._subscribers[0])
                 lost = asyncio.ensure_future(anext(client.messages))
@@ -122,10 +137,18 @@ class MqttSource:
         )
         return _Reader(filter=self._filters[subscriber.asset], intake=intake, form=form)
 
+    def _wanted(self, topics: str) -> list[str]:
+        """Give what is subscribed to for a filter; kept births come last, so that none is missed between."""
+        if not is_sparkplug(topics):
+            return [topics]
+        kept = [f"{CERTIFICATES}/{whole_node(topics)}"] if self._broker.has_births else []
+        return [whole_node(topics), *kept]
+
     async def _subscribe(self, client: aiomqtt.Client, wanted: str) -> None:
         """Ask for the messages of some topics."""
         codes = await client.subscribe(wanted, qos=self._broker.qos)
-        if any((code if isinstance(code, int) else code.value) >= REFUSED for code in codes):
+        is_refused = any((code if isinstance(code, int) else code.value) >= REFUSED for code in codes)
+        if is_refused and not wanted.startswith(CERTIFICATES):  # those are a help, where they are
             raise SourceError(
                 f"{self._broker.shown}: the broker lets {self._broker.user or 'nobody'} not read {wanted}."
             )
@@ -144,12 +167,16 @@ def _receiving(take: Callable[[aiomqtt.Message], None]) -> type[asyncio.Queue[ai
 class _Dispatch:
     """Gives each message to those who read its topic. It is called by the network and never fails."""
 
-    def __init__(self, readers: Sequence[_Reader]) -> None:
-        self._readers = tuple(readers)
+    def __init__(self, readers: Sequence[_Reader], nodes: "EdgeNodes | None") -> None:
+        self._readers = [item for item in readers if not is_sparkplug(item.filter)]
+        self._nodes = nodes
         self._known: dict[str, tuple[list[_Reader], list[str]]] = {}
 
     def __call__(self, message: aiomqtt.Message) -> None:
         topic = str(message.topic)
+        if self._nodes is not None and topic.startswith((f"{NAMESPACE}/", f"{CERTIFICATES}/")):
+            data: Any = message.payload
+            self._nodes.take(topic, bytes(data or b""), is_kept=message.retain)
         if topic not in self._known:
             if len(self._known) >= MOST_TOPICS:
                 self._known.clear()

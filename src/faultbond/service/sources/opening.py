@@ -8,6 +8,7 @@ import ssl
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlsplit
 
 from faultbond.errors import FaultbondError, ModelError
@@ -18,7 +19,11 @@ from faultbond.service.sources.growing_file import GrowingFile, Replay
 from faultbond.service.sources.intake import held_columns
 from faultbond.service.sources.options import SourceOptions
 from faultbond.service.sources.simulated import SimulatedPlant, SimulationWishes
+from faultbond.service.sources.sparkplug_topic import FILTER, FORM, is_sparkplug
 from faultbond.service.sources.standard_input import StandardInput
+
+if TYPE_CHECKING:
+    from faultbond.service.sources.sparkplug import EdgeNodes
 
 FORMS = "sim:, file:PATH, -, mqtt://HOST/TOPIC, mqtts://HOST/TOPIC or opc.tcp://HOST:PORT"
 SAFE = "Basic256Sha256"  # what OPC UA is encrypted by, if nothing else is said
@@ -194,7 +199,7 @@ def _file(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
 
 
 def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> LiveSource:
-    asked = _Asked(place, settings, ("client", "qos", "patience", "together"))
+    asked = _Asked(place, settings, ("births", "client", "qos", "patience", "together"))
     scheme, _, rest = place.partition("://")
     host, port, user, password = _log_in(asked, rest.partition("/")[0], options)
     filters = topic_filters(place, [item.asset for item in subscribers], options)
@@ -203,6 +208,8 @@ def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
             raise asked.mistake(f"{wanted!r} is no topic for {asset}. In braces only {{asset}} stands for anything.")
         if not wanted or not _is_filter(wanted):
             raise asked.mistake(f"{wanted!r} is no topic for {asset}. Write it behind the host, as in HOST/plant/+.")
+        if is_sparkplug(wanted) and not FILTER.fullmatch(wanted):
+            raise asked.mistake(f"{wanted!r} is no topic of Sparkplug B for {asset}. Write {FORM}.")
     qos = asked.whole("qos", 1)
     if qos not in (0, 1, 2):
         raise asked.mistake(f"qos={qos}: expected 0, 1 or 2.")
@@ -221,8 +228,20 @@ def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
         client=asked.text("client") or None,
         qos=qos,
         tls=tls,
+        has_births=asked.flag("births", default=True),
     )
-    return MqttSource(broker, filters, subscribers, options)
+    return MqttSource(broker, filters, subscribers, options, _edge_nodes(asked, filters))
+
+
+def _edge_nodes(asked: _Asked, filters: Mapping[str, str]) -> "type[EdgeNodes] | None":
+    """Give what reads Sparkplug B; None where no filter is of it."""
+    if not any(map(is_sparkplug, filters.values())):
+        return None
+    try:
+        from faultbond.service.sources.sparkplug import EdgeNodes  # noqa: PLC0415 - needs protobuf
+    except ImportError as error:
+        raise asked.mistake('Sparkplug B needs protobuf. Install it with: pip install "faultbond[mqtt]"') from error
+    return EdgeNodes
 
 
 def topic_filters(address: str, assets: Sequence[str], options: SourceOptions) -> dict[str, str]:

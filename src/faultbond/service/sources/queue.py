@@ -27,6 +27,7 @@ class ArrivalQueue:
         self._subscribers = {item.asset: item for item in subscribers}
         self._rows: dict[str, deque[Row]] = {asset: deque() for asset in self._subscribers}
         self._counts: dict[str, Counter[str]] = {asset: Counter() for asset in self._subscribers}
+        self._stale: dict[str, str] = {}
         self._most = most
 
     def put(self, asset: str, row: Row) -> None:
@@ -41,16 +42,26 @@ class ArrivalQueue:
         """Count what came and is in no row, or is in one as missing."""
         self._counts[asset][name] += number
 
+    def tell_stale(self, asset: str, why: str) -> None:
+        """Tell why the values of an asset are of the past; empty: they are of now."""
+        self._stale[asset] = why
+
     def drain(self) -> Iterator[Arrivals]:
         """Give what waits, and what was counted since the last time."""
         for asset, rows in self._rows.items():
-            if not rows and not +self._counts[asset]:
+            if not rows and not +self._counts[asset] and asset not in self._stale:
                 continue
             for _ in range(0, max(len(rows), 1), AT_ONCE):
                 part = [rows.popleft() for _ in range(min(len(rows), AT_ONCE))]
                 counts, self._counts[asset] = self._counts[asset], Counter()
                 block = block_of_rows(part) if part else no_rows(self._subscribers[asset])
-                yield Arrivals(asset=asset, rows=block, arrived=time.time(), counts=dict(+counts))
+                yield Arrivals(
+                    asset=asset,
+                    rows=block,
+                    arrived=time.time(),
+                    counts=dict(+counts),
+                    stale=self._stale.pop(asset, None),
+                )
 
 
 def connected(subscriber: Subscriber) -> Arrivals:

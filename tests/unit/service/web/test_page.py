@@ -436,6 +436,104 @@ def test_everybody_can_use_the_dialogs(opened: Callable[..., Any], action: str, 
     assert violations(page, axe) == []
 
 
+TOUR = ("How the plant stands", "The plant", "Measured and expected", "What may be at fault", "What you can do")
+TOURED = (".verdict", ".plant-drawing", ".trends", ".explanations", ".verdict .buttons")
+
+
+def toured(page: Any, step: int) -> None:
+    """See that a step of the tour stands in the window beside its part, and that the part can be seen."""
+    until(page, "(title) => document.getElementById('tour-title')?.textContent === title", TOUR[step])
+    assert page.inner_text("#tour-card .hint") == f"Step {step + 1} of 5"
+    assert page.locator("[data-toured]").count() == 1
+    part = page.locator(f"{TOURED[step]}[data-toured]").bounding_box()
+    card, window = page.locator("#tour-card").bounding_box(), page.viewport_size
+    assert card["x"] >= 0
+    assert card["x"] + card["width"] <= window["width"]
+    assert card["y"] + card["height"] <= window["height"]
+    assert -1 <= part["y"] < card["y"] + card["height"]
+    is_beside = part["x"] + part["width"] <= card["x"] or card["x"] + card["width"] <= part["x"]
+    assert is_beside or min(part["height"], 120) <= abs(card["y"] - part["y"]), "its title can be read"
+    assert not is_overfull(page)
+
+
+@pytest.mark.parametrize("is_dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("width", [360, 768, 1280, 1920])
+def test_the_tour_points_at_five_parts(opened: Callable[..., Any], width: int, is_dark: bool, axe: str) -> None:
+    """From the overview it goes to the asset with the alarm; each step is whole, and anybody can use it."""
+    page = opened(width=width, is_dark=is_dark)
+    page.click("#tour")
+    page.wait_for_selector("#tour-card[open]")
+    assert page.evaluate("location.hash") == "#/tank_2"
+    for step in range(5):
+        toured(page, step)
+        assert violations(page, axe) == []
+        page.click("#tour-card button.main")
+    page.wait_for_selector("#tour-card", state="hidden")
+    assert page.locator("[data-toured]").count() == 0
+    assert page.wrong == []
+
+
+def test_the_tour_by_keyboard(opened: Callable[..., Any], served: Served) -> None:
+    """The focus stays on the card, arrows go on and back, Escape ends it, and the focus is where it came from."""
+    page = opened("#/tank_1")
+    page.focus("#tour")
+    page.keyboard.press("Enter")
+    toured(page, 0)
+    assert page.locator("#tour-card button:visible").all_inner_texts() == ["End tour", "Next"]
+    page.keyboard.press("Enter")
+    toured(page, 1)
+    seen = set()
+    for _ in range(8):
+        page.keyboard.press("Tab")
+        seen.add(page.evaluate("document.activeElement.closest('dialog')?.id ?? document.activeElement.localName"))
+    assert seen <= {"tour-card", "body"}, "nothing behind it; a browser may count its own window"
+    page.keyboard.press("ArrowRight")
+    toured(page, 2)
+    served.tick()
+    for key, step in (("ArrowLeft", 1), ("ArrowLeft", 0), ("ArrowLeft", 0)):
+        page.keyboard.press(key)
+        toured(page, step)
+    page.keyboard.press("Escape")
+    page.wait_for_selector("#tour-card", state="hidden")
+    assert page.evaluate("document.activeElement.id") == "tour"
+    assert page.locator("[data-toured]").count() == 0
+    page.keyboard.press("Enter")
+    toured(page, 0)
+    page.evaluate("location.hash = '#/motor_1'")
+    page.wait_for_selector("#tour-card", state="hidden")
+    assert page.wrong == []
+
+
+def test_the_tour_is_offered_once_of_what_is_simulated(
+    opened: Callable[..., Any], served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether one takes it or not; of a plant there is the button alone, and it says nothing of a simulation."""
+    page = opened()
+    page.get_by_role("button", name="No, thanks").click()
+    assert page.locator("#offer").is_hidden()
+    assert page.evaluate("document.activeElement.id") == "tour"
+    page.reload()
+    page.wait_for_selector("#tour:not([hidden])")
+    assert page.locator("#offer").is_hidden()
+    page.click("#tour")
+    toured(page, 0)
+    assert "simulated" in page.inner_text("#tour-card")
+    page = opened()
+    page.get_by_role("button", name="Show me").click()
+    toured(page, 0)
+    page.keyboard.press("Escape")
+    until(page, "document.activeElement.id === 'tour'")
+    assert page.locator("#offer").is_hidden()
+    known = served.face.site
+    monkeypatch.setattr(served.face, "site", lambda: {**known(), "source": "mqtt://broker/plant"})
+    page = opened()
+    page.wait_for_selector("#tour:not([hidden])")
+    assert page.locator("#offer").is_hidden()
+    page.click("#tour")
+    toured(page, 0)
+    assert "simulated" not in page.inner_text("#tour-card")
+
+
 def test_the_page_asks_nobody_else(opened: Callable[..., Any], served: Served) -> None:
     """The first load is small, comes from the service alone, breaks no rule of its policy, and is quick."""
     page = opened()
@@ -493,8 +591,12 @@ def test_login(browser: Any, users: dict[str, tuple[str, Role]], axe: str) -> No
     page.wait_for_selector(".candidates li")
     assert page.inner_text("#person") == "viola, view"
     assert page.locator("button[data-action]").count() == 0
+    page.click("#tour")
+    toured(page, 0)
+    page.keyboard.press("Escape")
     page.click("#leave")
     page.wait_for_selector(".login")
+    assert page.locator("#tour").is_hidden()
     assert "leak" not in page.inner_text("body")
     page.close()
     served.stop()

@@ -5,6 +5,7 @@ import { Stream, login, logout, who } from "./connection.js";
 import { DeskView } from "./desk_view.js";
 import { isUnacknowledged, make } from "./elements.js";
 import { Overview, linkOf } from "./overview.js";
+import { Tour } from "./tour.js";
 
 const byId = (id) => document.getElementById(id);
 const state = { me: null, site: null, assets: new Map(), isLost: true, lostAt: null, offset: 0 };
@@ -70,6 +71,7 @@ function show() {
   const asset = placeNow();
   if (asset == null || view) viewOf(asset).show(state);
   const unseen = [...state.assets.values()].filter((item) => isUnacknowledged(item.alarm));
+  tour.show(state);
   byId("home").textContent = state.site.name;
   byId("count").hidden = !unseen.length;
   byId("count").href = unseen.length === 1 ? linkOf(unseen[0].name) : "#/";
@@ -150,6 +152,7 @@ function askLogin() {
   Object.assign(state, { me: null, site: null, assets: new Map(), isLost: true, lostAt: null });
   for (const id of ["person", "leave", "count", "crumb", "lost", "desk"]) byId(id).hidden = true;
   document.body.classList.remove("is-lost");
+  tour.hide();
   byId("live-text").textContent = "Not logged in";
   byId("live").classList.remove("is-live");
   const problem = make("p", { class: "problem-line", role: "alert", hidden: true });
@@ -182,5 +185,6 @@ byId("leave").addEventListener("click", async () => {
   await logout().catch(() => {});
   askLogin();
 });
+const tour = new Tour({ button: byId("tour"), offer: byId("offer"), main: byId("main") });
 setInterval(tick, 1000);
 begin();
