@@ -9,6 +9,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, HTTPException, Path, Query, Request, Response
 from fastapi.responses import HTMLResponse, JSONResponse, PlainTextResponse, StreamingResponse
+from starlette.requests import ClientDisconnect
 
 from faultbond.errors import FaultbondError, StoreError
 from faultbond.service.contract.offline import (
@@ -156,6 +157,8 @@ def _refusing(what: str) -> Iterator[None]:
         yield
     except KeyError:
         raise HTTPException(404, f"There is no such {what}.") from None
+    except ClientDisconnect:
+        raise HTTPException(400, "It was broken off.") from None  # to nobody, and no failure of the service
     except TooManyError as error:
         raise HTTPException(429, str(error), {"retry-after": f"{max(error.seconds, 1.0):.0f}"}) from None
     except FaultbondError as error:

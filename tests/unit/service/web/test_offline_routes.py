@@ -234,3 +234,31 @@ def test_the_fake_is_as_the_real_one() -> None:
     told = {"now": 0.0, **FakeDesk().shown()}
     OfflineShape.model_validate(told, strict=True)
     assert asyncio.iscoroutinefunction(FakeDesk.take)
+
+
+def test_a_file_that_is_broken_off_is_no_failure(local: Asked, caplog: pytest.LogCaptureFixture) -> None:
+    """Who goes away while a file comes leaves nothing of it, and no error in the log."""
+    parts: list[dict[str, Any]] = [
+        {"type": "http.request", "body": b"time", "more_body": True},
+        {"type": "http.disconnect"},
+    ]
+    headers = {"host": "localhost", TOKEN.lower(): str(local.token), **BYTES}
+    scope = {
+        "type": "http",
+        "method": "POST",
+        "path": f"{DESK}/files",
+        "query_string": b"kind=recording&name=a.csv",
+        "headers": [(name.encode(), text.encode()) for name, text in headers.items()],
+    }
+    sent: list[Any] = []
+
+    async def receive() -> dict[str, Any]:
+        return parts.pop(0)
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    asyncio.run(local.app(scope, receive, send))
+    assert sent[0]["status"] == 400
+    assert local.desk.files == {}
+    assert "failed" not in caplog.text
