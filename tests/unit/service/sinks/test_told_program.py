@@ -123,4 +123,4 @@ def test_a_check_says_whom_it_would_tell(tmp_path: Path, capsys: pytest.CaptureF
     assert "scada: is told detection, how assets stand by mqtt://127.0.0.1:3/found\n" in said
     (tmp_path / "secret").unlink()
     assert main(["serve", "--site", str(path), "--check"]) == 2
-    assert "site.yaml:6: tell tickets: to: secret_file" in capsys.readouterr().err
+    assert "site.yaml:6: tell tickets: secret_file" in capsys.readouterr().err
