@@ -254,9 +254,7 @@ def read_site(path: Path, *, port: int | None = None, mistakes: Mistakes | None 
         users=MappingProxyType(dict(_users(told["users"], found)) if "users" in told else {}),
         connection=MappingProxyType(dict(_connection(connection, folder, found))),
         tell=tuple(_sinks(told["tell"], folder, found)) if "tell" in told else (),
-        offline=found.or_else(lambda: read_limits(told["offline"], folder, usual), usual)
-        if "offline" in told
-        else usual,
+        offline=found.or_else(lambda: _limits(told, folder, usual), None),
         places=MappingProxyType({key: _place(place) for key, place in {**told, **listen}.items()}),
     )
     if mistakes is None:
