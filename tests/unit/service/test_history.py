@@ -266,7 +266,7 @@ def test_a_line_of_each_kind() -> None:
     mended = NamedRecord(id="1", asset="pump", sample=10, time=10.0, kind="accepted", content=told)
     assert line_of(mended) == "10 s  pump  repaired, R, by person"
     found = [{"parameters": ["R"], "probability": 0.925, "group": True}, {"parameters": ["C"], "probability": 0.05}]
-    content = {"record": "diagnosis", "candidates": found}
+    content: dict[str, object] = {"record": "diagnosis", "candidates": found}
     likely = NamedRecord(id="2", asset="pump", sample=10, time=10.0, kind="diagnosis", content=content)
     assert line_of(likely) == "10 s  pump  diagnosis, R 92.5 %"
 
