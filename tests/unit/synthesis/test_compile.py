@@ -220,9 +220,7 @@ def test_zig_keeps_nothing_and_builds_nothing_else(
 
 
 @needs_zig
-def test_zig_and_the_compiler_of_the_system_agree(
-    monkeypatch: pytest.MonkeyPatch, cache: Path, tmp_path: Path
-) -> None:
+def test_zig_and_the_compiler_of_the_system_agree(monkeypatch: pytest.MonkeyPatch, cache: Path, tmp_path: Path) -> None:
     """An engine that zig compiled has the numbers of any other to 1e-9, and leaves libraries only.
 
     On the way zig builds nothing of its own, which for one that watches for what is undefined takes half a minute.
