@@ -29,9 +29,11 @@ def test_the_same_bytes_are_compiled_once(kept: Path, tmp_path: Path, monkeypatc
     assert compiled_once(TEXT, tmp_path / "again", COMMAND).read_bytes() == b"as it was"
     for text, command in ((TEXT.replace("42", "43"), COMMAND), (TEXT, (*COMMAND, "-O2"))):
         assert compiled_once(text, tmp_path / "other", command).read_bytes() != b"as it was"
+    headers = {"more.h": "int more(void);\n"}
+    assert compiled_once(TEXT, tmp_path / "other", COMMAND, headers).read_bytes() != b"as it was"
     monkeypatch.setattr(module, "_around", lambda: ("another header",))
     assert compiled_once(TEXT, tmp_path / "other", COMMAND).read_bytes() != b"as it was"
-    assert len(list(kept.iterdir())) == 4
+    assert len(list(kept.iterdir())) == 5
 
 
 def test_what_fails_is_not_kept(kept: Path, tmp_path: Path) -> None:

@@ -3,11 +3,12 @@
 import os
 import shutil
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from types import MappingProxyType
 
 from faultbond.io.cache import cache_folder
 from faultbond.synthesis.compile import CORE, compiler_identity, processor
@@ -16,12 +17,16 @@ SOURCE = Path(str(CORE)).parent
 HERE = Path(__file__).parent
 KEPT = cache_folder() / "tests"  # of the whole run, whatever cache a test has
 MOST_BYTES = 600_000_000
+NOTHING: Mapping[str, str] = MappingProxyType({})
 READING = {"-S", "-fsyntax-only"}  # of a compiler that is asked only whether it has a word to say
 
 
-def compiled_once(text: str, target: Path, command: Sequence[str]) -> Path:
-    """Compile a text with a command into a file, unless that was done before; what the compiler says is the failure."""
-    told = (text, *_around(), compiler_identity(tuple(command)), processor())
+def compiled_once(text: str, target: Path, command: Sequence[str], headers: Mapping[str, str] = NOTHING) -> Path:
+    """Compile a text with a command into a file, unless that was done before; what the compiler says is the failure.
+
+    headers : texts by their names, which are written beside the file and found there
+    """
+    told = (text, *headers, *headers.values(), *_around(), compiler_identity(tuple(command)), processor())
     kept = KEPT / sha256("\0".join(told).encode()).hexdigest()
     with suppress(OSError):
         os.utime(kept)
@@ -29,7 +34,9 @@ def compiled_once(text: str, target: Path, command: Sequence[str]) -> Path:
         return target
     source = target.with_name(f"{target.stem}_text.c")
     source.write_text(text)
-    words = [*command, str(source), "-o", str(target), "-lm"]
+    for name, content in headers.items():
+        target.with_name(name).write_text(content)
+    words = [*command, f"-I{target.parent}", str(source), "-o", str(target), "-lm"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[:4000]
     with suppress(OSError):  # without a place to keep it, it is compiled again the next time
