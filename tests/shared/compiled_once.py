@@ -3,7 +3,7 @@
 import os
 import shutil
 import subprocess
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
@@ -26,21 +26,31 @@ def compiled_once(text: str, target: Path, command: Sequence[str], headers: Mapp
 
     headers : texts by their names, which are written beside the file and found there
     """
+
+    def compiled() -> bytes:
+        source = target.with_name(f"{target.stem}_text.c")
+        source.write_text(text)
+        for name, content in headers.items():
+            target.with_name(name).write_text(content)
+        words = [*command, f"-I{target.parent}", str(source), "-o", str(target), "-lm"]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr[:4000]
+        return b"" if READING & {*command} else target.read_bytes()
+
     told = (text, *headers, *headers.values(), *_around(), compiler_identity(tuple(command)), processor())
+    return made_once(told, target, compiled)
+
+
+def made_once(told: Sequence[str], target: Path, make: Callable[[], bytes]) -> Path:
+    """Make a file, unless that was done before of all that is told; `make` gives what is kept of it."""
     kept = KEPT / sha256("\0".join(told).encode()).hexdigest()
     with suppress(OSError):
         os.utime(kept)
         shutil.copy(kept, target)
         return target
-    source = target.with_name(f"{target.stem}_text.c")
-    source.write_text(text)
-    for name, content in headers.items():
-        target.with_name(name).write_text(content)
-    words = [*command, f"-I{target.parent}", str(source), "-o", str(target), "-lm"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr[:4000]
-    with suppress(OSError):  # without a place to keep it, it is compiled again the next time
-        _keep(kept, b"" if READING & {*command} else target.read_bytes())
+    content = make()
+    with suppress(OSError):  # without a place to keep it, it is made again the next time
+        _keep(kept, content)
     return target
 
 
