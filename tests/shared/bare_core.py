@@ -2,7 +2,6 @@
 
 import ctypes
 import re
-import subprocess
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled_once import compiled_once
 from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec, covariance_place
 from faultbond.equations.plant import build_plant
@@ -62,12 +62,8 @@ def compiled(text: str, *options: str, offered: tuple[str, ...] = OFFERED) -> ct
     if compiler != ZIG and "c++" in options:
         compiler = ("g++",)
     with TemporaryDirectory() as folder:
-        source, library = Path(folder, "bare.c"), Path(folder, "bare.so")
-        source.write_text(_without(offered) + text)
-        command = [*compiler, *language, *FLAGS, *options, *more, str(source), "-o", str(library), "-lm"]
-        done = subprocess.run(command, check=False, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        return ctypes.CDLL(str(library))
+        command = [*compiler, *language, *FLAGS, *options, *more]
+        return ctypes.CDLL(str(compiled_once(_without(offered) + text, Path(folder, "bare.so"), command)))
 
 
 def in_c(calls: str) -> str:

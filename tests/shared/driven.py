@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from benchmarks.shared.ladders import ladder_text
 
+from compiled_once import compiled_once
 from faultbond.contract.samples import Sample
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.plant import build_plant
@@ -86,19 +87,10 @@ def text_of(name: str) -> tuple[EngineSpec, str]:
     return spec, core_text(spec, build_step_model(plant, all_inputs=True))
 
 
-def compiled(source: str, target: Path, command: Sequence[str]) -> Path:
-    """Compile a text with a command; what the compiler says is the failure."""
-    text = target.with_name(f"{target.stem}_text.c")
-    text.write_text(source)
-    words = [*command, f"-I{CORE}", f"-I{DRIVE.parent}", str(text), "-o", str(target), "-lm"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr[:4000]
-    return target
-
-
 def program(name: str, folder: Path, command: Sequence[str], *flags: str) -> Path:
     """The core of a plant as a program."""
-    return compiled(text_of(name)[1] + '#include "drive.c"\n', folder / "drive", [*command, *flags])
+    words = [*command, *flags, f"-I{CORE}", f"-I{DRIVE.parent}"]
+    return compiled_once(text_of(name)[1] + '#include "drive.c"\n', folder / "drive", words)
 
 
 def ran(driver: Path, *words: object) -> str:

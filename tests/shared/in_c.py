@@ -1,10 +1,10 @@
 """Small programs in C around files of the generated program, for tests of one of them."""
 
-import subprocess
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
+from compiled_once import compiled_once
 from faultbond.synthesis.compile import CORE
 
 PROGRAM = Path(str(CORE)).parent / "program"
@@ -16,11 +16,5 @@ LANGUAGES = {"C": ("gcc", "-x", "c", "-std=c99"), "C++": ("g++", "-x", "c++", "-
 @cache
 def small_program(text: str, language: str = "C") -> Path:
     """The program of a text around files of `program`, under sanitizers; a word of the compiler's is a failure."""
-    folder = Path(mkdtemp())
-    source, target = folder / "small.c", folder / "small"
-    source.write_text(text)
     more = ("-Wno-unused-function", f"-I{PROGRAM}", f"-I{CORE}")  # a test takes a part of all
-    command = [*LANGUAGES[language], "-O1", *WARNINGS, *SANITIZERS, *more, str(source), "-o", str(target), "-lm"]
-    done = subprocess.run(command, check=False, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return target
+    return compiled_once(text, Path(mkdtemp()) / "small", [*LANGUAGES[language], "-O1", *WARNINGS, *SANITIZERS, *more])

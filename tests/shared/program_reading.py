@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from compiled_once import compiled_once
 from faultbond.contract.spec import EngineSpec, InputSpec, OutputSpec, Thresholds
 from faultbond.errors import RecordingError
 from faultbond.io.grid import Counts, Grid, GridClock, GridPoint
@@ -202,12 +203,9 @@ class Reading:
 
 def build(kind: Kind, folder: Path, compiler: str, options: tuple[str, ...]) -> Path:
     """Compile the harness for a kind of model."""
-    (folder / "columns.h").write_text(columns_text(kind.spec, kind.columns), encoding="utf-8")
-    made = folder / f"reading_{compiler}"
-    parts = [compiler, *STRICT, *options, f"-I{folder}", f"-I{SOURCE / 'core'}", f"-I{SOURCE / 'program'}"]
-    done = subprocess.run([*parts, "-o", str(made), str(HARNESS), "-lm"], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return made
+    command = [compiler, *STRICT, *options, f"-I{SOURCE / 'core'}", f"-I{SOURCE / 'program'}"]
+    headers = {"columns.h": columns_text(kind.spec, kind.columns)}
+    return compiled_once(HARNESS.read_text(encoding="utf-8"), folder / f"reading_{compiler}", command, headers)
 
 
 def program_reads(kind: Kind, program: Path, texts: list[bytes], most: int = 777) -> list[Told]:

@@ -53,7 +53,8 @@ HASTY = {WARM: ("-O1",), FAST: ("-O1", TIDY), QUICK: ("-O0",)}
 FLEETS = "#define FB_FLEETS\n"
 CORE = files("faultbond").joinpath("core")
 # Zig would first build a library for what a processor lacks (4 s, 47 MB); one of 64 bits lacks nothing that is used.
-# Where nothing is optimised it would watch for what is undefined, which needs a part of that library, and takes long.
+# Where nothing is optimised it would watch for what is undefined, which needs a part of that library, and takes long;
+# a link that does not say how far it optimises makes that part anew, in half a minute.
 ZIG_FLAGS = (*(("-rtlib=none",) if sys.maxsize > 2**32 else ()), "-fno-sanitize=all")
 ZIG = (sys.executable, "-m", "ziglang", "cc")
 TO_INSTALL = (
@@ -201,7 +202,7 @@ def compile_shared(parts: Mapping[str, Mapping[str, str]], compiler: tuple[str, 
         for path, content in zip(paths, objects.values(), strict=True):
             path.write_bytes(content)
         built = work / "built.so"
-        _run(compiler, work, (*compiler, "-shared", "-s", *map(str, paths), "-o", str(built), "-lm"))
+        _run(compiler, work, (*compiler, *_options(WARM), "-shared", "-s", *map(str, paths), "-o", str(built), "-lm"))
         return built.read_bytes()
 
 
@@ -287,7 +288,8 @@ def _compile(
             objects.append(work / f"{name}.o")
             objects[-1].write_bytes(item.result())
     built = work / "built.so"
-    _run(compiler, work, (*compiler, *FLAGS, "-shared", *map(str, objects), "-o", str(built), "-lm", "-pthread"))
+    joined = (*compiler, *FLAGS, *_options(FAST), "-shared", *map(str, objects))
+    _run(compiler, work, (*joined, "-o", str(built), "-lm", "-pthread"))
     return built
 
 

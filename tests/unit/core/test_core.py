@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from benchmarks.shared.ladders import ladder_text
 
+from compiled_once import compiled_once
 from dense_filter import dense_filter
-from driven import EXAMPLES, compiled, made, program, ran, text_of, write_recording
+from driven import CORE, EXAMPLES, made, program, ran, text_of, write_recording
 from faultbond.arrays import FloatArray
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import EngineSpec, covariance_place
@@ -75,7 +76,7 @@ def test_no_compiler_has_a_word_to_say(name: str, language: str, width: int, tmp
     written = ("-O0", "-S", "-emit-llvm", "-Wno-unused-command-line-argument")  # zig itself adds one
     read = written if "zig" in language else ("-fsyntax-only",)
     flags = (*(("-O1", "-S") if once else read), f"-DFB_LANES={width}", "-march=native")
-    compiled(text_of(name)[1], tmp_path / "core.so", [*LANGUAGES[language], *WARNINGS, *flags])
+    compiled_once(text_of(name)[1], tmp_path / "core.s", [*LANGUAGES[language], *WARNINGS, *flags, f"-I{CORE}"])
 
 
 @needs_gcc

@@ -176,6 +176,14 @@ def test_what_was_not_used_for_longest_makes_room(folder: Path, monkeypatch: pyt
     assert {path.name for path in folder.iterdir()} == {NAME, "c.plant", "d.so"} | others
 
 
+def test_engines_of_hundreds_of_plants_stay(folder: Path) -> None:
+    """Where more are used in turn than there is room for, each pushes out the one that is used next."""
+    for k in range(1500):
+        (folder / f"{k}.so").write_bytes(b"")
+    write_kept("more.so", CONTENT)
+    assert len(list(folder.iterdir())) == 1 + 1500 + 1
+
+
 def test_the_cache_is_bounded_in_bytes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond so many bytes files go too; the one that was just written stays, however large."""
     monkeypatch.setattr(module, "MOST_BYTES", 3 * len(CONTENT))

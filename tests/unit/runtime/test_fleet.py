@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from driven import CORE, compiled, graph_of, made, text_of
+from compiled_once import compiled_once
+from driven import CORE, graph_of, made, text_of
 from faultbond.arrays import FloatArray
 from faultbond.contract.samples import Samples
 from faultbond.contract.spec import EngineSpec
@@ -256,7 +257,7 @@ def test_any_number_of_assets_side_by_side(width: int, tmp_path: Path) -> None:
         "-DFB_FLEETS",
         f"-DFB_LANES={width}",
     )
-    library = compiled(f"{text}\n{threads}", tmp_path / "core.so", [*required_compiler(), *flags])
+    library = compiled_once(f"{text}\n{threads}", tmp_path / "core.so", [*required_compiler(), *flags, f"-I{CORE}"])
     core = load_core(library, spec, "cc")
     time, u, y = (values[:330] if values.ndim == 1 else values[:, :330] for values in grid("dc_motor_current"))
     fleet = Fleet(core, N_ASSETS, threads=2)
