@@ -46,6 +46,7 @@ LATE_IMPORTS = (
     ("service", "faultbond.service.sinks.opcua"),  # needs asyncua
     ("service", "faultbond.service.sources.mqtt"),  # needs aiomqtt
     ("service", "faultbond.service.sources.opcua"),  # needs asyncua
+    ("service", "faultbond.service.sources.opcua_identity"),  # the same
     ("service", "faultbond.service.sources.sparkplug"),  # needs protobuf
     ("service", "faultbond.service.store.postgresql"),  # needs psycopg
     ("service", "faultbond.simulate"),  # loads casadi and scipy

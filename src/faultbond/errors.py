@@ -115,7 +115,9 @@ class Mistakes:
         Raises
         ------
         FaultbondError
-            The one mistake, or all of them.
+            The one mistake, where there is one.
+        ManyMistakesError
+            All of them, where there are more.
         """
         if len(self._found) == 1:
             raise self._found[0]

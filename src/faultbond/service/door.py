@@ -34,7 +34,7 @@ class Certificate:
         return self.until - time.time() < SOON
 
 
-def _mistake(site: Site, key: str, problem: str) -> FaultbondError:
+def _of_listen(site: Site, key: str, problem: str) -> FaultbondError:
     """Give the error that says what is wrong with what the file says of `listen`."""
     return FaultbondError(f"{site.at(key)}listen: {problem}")
 
@@ -48,7 +48,7 @@ def refuse_open_door(site: Site) -> None:
         Where it is so.
     """
     if site.names and not site.users:
-        raise _mistake(
+        raise _of_listen(
             site,
             "names",
             f"names: whoever asks for {site.names[0]} through a proxy would be an engineer, and there are no "
@@ -60,14 +60,14 @@ def refuse_open_door(site: Site) -> None:
     if site.host == LOOPBACK_NAME:
         return
     if not site.users:
-        raise _mistake(
+        raise _of_listen(
             site,
             "address",
             f"{site.host} can be reached from elsewhere, and there are no users. Name them in the site file, "
             "or listen on 127.0.0.1.",
         )
     if not site.certificate and not site.unencrypted:
-        raise _mistake(
+        raise _of_listen(
             site,
             "address",
             f"{site.host} can be reached from elsewhere, and passwords could be read on the way. Name "
@@ -111,9 +111,9 @@ def read_certificate(site: Site) -> Certificate | None:
     except ssl.SSLError as error:
         if error.reason in STRANGERS:
             problem = f"certificate {site.certificate} and key {site.key} do not belong together."
-            raise _mistake(site, "certificate", problem) from error
+            raise _of_listen(site, "certificate", problem) from error
         problem = f"key {site.key}: this is no key in PEM, or it has a passphrase. Give one without."
-        raise _mistake(site, "key", problem) from error
+        raise _of_listen(site, "key", problem) from error
     found = _seen(context, browser, site)
     names = tuple(name for kind, name in found.get("subjectAltName", ()) if kind in ("DNS", "IP Address"))
     until = float(ssl.cert_time_to_seconds(found["notAfter"]))
@@ -126,7 +126,7 @@ def _check_readable(site: Site) -> None:
             Path(file).read_bytes()
         except OSError as error:
             problem = f"{name} {file}: cannot be read: {error.strerror or error}."
-            raise _mistake(site, name, problem) from error
+            raise _of_listen(site, name, problem) from error
 
 
 def _browser(site: Site) -> ssl.SSLContext:
@@ -138,7 +138,7 @@ def _browser(site: Site) -> ssl.SSLContext:
         made.load_verify_locations(site.certificate)
     except ssl.SSLError as error:
         problem = f"certificate {site.certificate}: this is no certificate in PEM."
-        raise _mistake(site, "certificate", problem) from error
+        raise _of_listen(site, "certificate", problem) from error
     return made
 
 
@@ -156,5 +156,5 @@ def _seen(context: ssl.SSLContext, browser: ssl.SSLContext, site: Site) -> dict[
         known = {EXPIRED: "it has expired. Renew it", NOT_YET: "its time has not begun. Look at the clock"}
         why = known.get(error.verify_code, f"a browser would refuse it: {error.verify_message}")
         problem = f"certificate {site.certificate}: {why}."
-        raise _mistake(site, "certificate", problem) from error
+        raise _of_listen(site, "certificate", problem) from error
     return dict(client.getpeercert() or {})

@@ -97,6 +97,7 @@ export class Tour {
     this.leave();
     this.part = this.main.querySelector(part);
     this.part.dataset.toured = "";
+    for (const fold of this.part.querySelectorAll("details")) fold.open = true; // as where a phone folds it
     this.count.textContent = `Step ${step + 1} of ${STEPS.length}`;
     this.title.textContent = title;
     this.text.replaceChildren(...says(this.state).filter(Boolean).map((text) => make("p", {}, text)));
