@@ -73,7 +73,8 @@ static int is_of_store(int index)
     return 0;
 }
 
-/* What lane k of the plan would say with one more suspect, and where that begins. old: see `Trail`, or NULL. */
+/* What lane k of the plan would say with one more suspect, and where that begins: where the closed form has it, which is exact
+   for a linear plant; at its healthy value where it would have it beyond what it can be. old: see `Trail`, or NULL. */
 static double said_with(Bank *bank, int64_t k, int index, const double *old, double *value)
 {
     const int64_t place = AT_PARAMETERS + index;
@@ -82,6 +83,7 @@ static double said_with(Bank *bank, int64_t k, int index, const double *old, dou
     double change;
     const double gain = gain_from(mean, variance, of_slot(bank, k, place), of_slot(bank, k, WIDE_PLACE(place, place)), index, &change);
     *value = mean + change;
+    if (!(*value > RANGE_LEAST[index] && *value < RANGE_MOST[index])) *value = bank->healthy[place];
     return likelihood_of_slot(bank, k) + SLOT_WEIGHT[k] + gain;
 }
 
@@ -324,13 +326,11 @@ static void note_couples(Bank *bank, double elapsed, Job *job)
     }
 }
 
-/* Whether the parameter of a lane begins at its healthy value: a second lane with the base of the first. */
+/* Whether the parameter of a lane begins at its healthy value: a second lane with the base of the first, and where nothing
+   tells another value. */
 static int is_neutral(const Bank *bank, const Job *job, int64_t lane)
 {
-    const int64_t row = row_of_lane(lane);
-    if (parameter_of(bank, lane) < 0) return 0;
-    return part_of_lane(lane) != JUMPING && job->bases[lane_of_couple(row, LIKELIEST)] == job->bases[lane_of_couple(row, SECOND)] &&
-           job->values[lane] == bank->healthy[AT_PARAMETERS + parameter_of(bank, lane)];
+    return parameter_of(bank, lane) >= 0 && job->values[lane] == bank->healthy[AT_PARAMETERS + parameter_of(bank, lane)];
 }
 
 /* Whether a lane begins again with the slot that it has. */
