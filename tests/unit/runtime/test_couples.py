@@ -134,24 +134,41 @@ slow_error: {T1: 1.5 K over 3 h, wall1.f: 4 % over 3 h, wall2.f: 4 % over 3 h, h
 """
 
 
+def first_in_rooms(sensor: Fault, component: Fault) -> Candidate:
+    """What comes first at the end where a thermometer of two rooms and a wall are at fault."""
+    graph = parse_model(ROOMS, "model.yaml")
+    time, random = np.asarray(10.0 * np.arange(700), dtype=np.float64), np.random.default_rng(0)
+    power = np.column_stack([random_steps(time, random, low=5, high=60, shortest=1500, longest=4000) for _ in "12"])
+    made = simulate(graph, Inputs(time=time, values=power), (sensor, component), seed=0)
+    monitor = run(build_engine(graph)[1], samples_of(time, made.inputs, made.outputs))[0]
+    return monitor.conclude().candidates[0]
+
+
 def test_a_parameter_begins_where_it_can_be() -> None:
     """A wall that lets through three times as much is beyond 0 for who takes its law to be straight.
 
     With a thermometer that is off beside it both are named, and no heat capacity in place of the thermometer.
     """
-    graph = parse_model(ROOMS, "model.yaml")
-    time, random = np.asarray(10.0 * np.arange(700), dtype=np.float64), np.random.default_rng(0)
-    power = np.column_stack([random_steps(time, random, low=5, high=60, shortest=1500, longest=4000) for _ in "12"])
-    faults = (
+    sensor, wall = (
         Fault(parameter="T1.bias", value=-5.0, start=3000.0),
         Fault(parameter="R2", factor=0.3, start=3000.0),
     )
-    made = simulate(graph, Inputs(time=time, values=power), faults, seed=0)
-    monitor = run(build_engine(graph)[1], samples_of(time, made.inputs, made.outputs))[0]
-    best = monitor.conclude().candidates[0]
+    best = first_in_rooms(sensor, wall)
     assert best.parameters == ("T1.bias", "R2")
     assert best.probability > 0.95
     assert near(best, [-5.0, 0.036])
+
+
+def test_each_kind_of_fault_of_an_instrument_is_tried_beside_a_parameter() -> None:
+    """A wrong gain, which explains less than a bias and a drift do while the wall counts as healthy, is found."""
+    sensor, gap = (
+        Fault(parameter="T2.gain", value=1.1, start=3000.0),
+        Fault(parameter="R12", factor=0.4, start=3000.0),
+    )
+    best = first_in_rooms(sensor, gap)
+    assert (best.parameters, best.kind) == (("T2.gain", "R12"), FaultKind.GAIN)
+    assert best.probability > 0.95
+    assert near(best, [1.1, 0.02])
 
 
 def test_none_is_tested_before_the_bank_is_renewed() -> None:
