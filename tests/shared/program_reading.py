@@ -102,7 +102,7 @@ KINDS = {
     ),
     "variable": kind_of((column("u", "input u"),), (column("y", "sensor y"),), sample_time=None),
     "means": kind_of(
-        (column("u", "input u"), column("v", "input v")),
+        (column("u", "input u"), column("u2", "input u2")),
         (column("y", "sensor y"), column("z", "sensor z")),
         row_time=0.125,
         linear=(False, True),

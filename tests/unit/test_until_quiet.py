@@ -227,6 +227,40 @@ def test_a_slow_error_does_not_stand_for_lags(
     assert {item.what.kind for item in better.added} == kept
 
 
+@pytest.mark.parametrize(("both", "kept"), [(755.0, {Kind.LAG}), (900.0, {Kind.ABSOLUTE, Kind.LAG})])
+def test_a_slow_error_of_a_sensor_does_not_stand_for_its_lag(
+    both: float, kept: set[Kind], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The lag of the very sensor of which a slow error is best is asked for beside it, before other slow errors."""
+    slow, other = (Imperfection(kind=Kind.ABSOLUTE, place=name) for name in ("i", "R.e"))
+    items = [slow, other, *(Imperfection(kind=Kind.LAG, place=name) for name in "iV")]
+    graph, alone = parse_model(MODEL, file="m.yaml"), (602.0, 560.0, 519.0, 310.0)
+    stand = Footing(graph=graph, values={}, starts={})
+
+    def footing(added: tuple[Added, ...], held: float) -> Footing:
+        return replace(stand, held=held, added=added)
+
+    found = [
+        footing((Added(what=item, trained=held, held=held),), held) for item, held in zip(items, alone, strict=True)
+    ]
+
+    def together(_: Search, stand: Footing, more: list[Added]) -> Footing:
+        asked = {item.what for item in more}
+        lags = {item for item in asked if item.kind is Kind.LAG}
+        gains = {frozenset(items[2:]): 753.0, frozenset((slow, *items[2:])): both}
+        return footing(tuple(more), gains.get(frozenset(asked), 603.0 if lags else 602.0))
+
+    search = Search.__new__(Search)
+    search.tell, search.refused = lambda _: None, set()
+    ground = SimpleNamespace(climbed=lambda _, item, few: found[items.index(item)])
+    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item) for item in items])
+    monkeypatch.setattr(Search, "_together", together)
+    better = search.better(stand)
+    assert better is not None
+    assert {item.what.kind for item in better.added} == kept
+    assert {item.what.place for item in better.added if item.what.kind is Kind.LAG} == {"i", "V"}
+
+
 @pytest.mark.parametrize("gain", [4.0, 2.0])
 def test_what_gains_nothing_beside_all_recordings_is_not_added(gain: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """What a few recordings call for is kept where it foretells what was held back also as fitted to all of them."""

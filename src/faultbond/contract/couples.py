@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from faultbond.contract.spec import EngineSpec
 
 MIXED, BOTH, DRIFTING = 24, 8, 4  # that are tested: an instrument with a parameter, two of them, a drift and a step
-PER_COUPLE = 3  # lanes of each; the third, in which a store keeps its content, is one of stores only
+PER_COUPLE = 3  # lanes of each; in the third a store keeps its content, or an instrument has a further kind of fault
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,9 @@
    Lanes of a couple: the likeliest base; the likeliest base of another kind of fault, since a sensor that reads too much may
    look stuck while nothing moves, or where there is none the first again, with the parameter at its healthy value; and of a
    store, with its content going on, each of both in turn: without its jump the likeliest base may be one that follows the jump,
-   as a drift does. A lane that is begun again keeps what is likelier. */
+   as a drift does. Of what is no store the third has a kind that none of the others has, at each renewal the next one: a base
+   says how well it explains the data while the parameter is healthy, and a wrong gain may say least of all where it is true. A
+   lane that is begun again keeps what is likelier. */
 #ifndef FB_COUPLES_H
 #define FB_COUPLES_H
 
@@ -73,7 +75,8 @@ static int is_of_store(int index)
     return 0;
 }
 
-/* What lane k of the plan would say with one more suspect, and where that begins. old: see `Trail`, or NULL. */
+/* What lane k of the plan would say with one more suspect, and where that begins: where the closed form has it, which is exact
+   for a linear plant; at its healthy value where it would have it beyond what it can be. old: see `Trail`, or NULL. */
 static double said_with(Bank *bank, int64_t k, int index, const double *old, double *value)
 {
     const int64_t place = AT_PARAMETERS + index;
@@ -82,6 +85,7 @@ static double said_with(Bank *bank, int64_t k, int index, const double *old, dou
     double change;
     const double gain = gain_from(mean, variance, of_slot(bank, k, place), of_slot(bank, k, WIDE_PLACE(place, place)), index, &change);
     *value = mean + change;
+    if (!(*value > RANGE_LEAST[index] && *value < RANGE_MOST[index])) *value = bank->healthy[place];
     return likelihood_of_slot(bank, k) + SLOT_WEIGHT[k] + gain;
 }
 
@@ -217,9 +221,33 @@ static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t mos
     return n;
 }
 
+/* Let the third lane of a couple with an instrument begin with the likeliest base of a kind that neither of the first two is of;
+   with the next such kind at each later renewal, as long as there is one. */
+static void plan_further(Bank *bank, const Match *match, const double *old, Job *job)
+{
+    const int64_t *const first = job->bases + lane_of_couple(match->row, LIKELIEST);
+    const int64_t *const second = job->bases + lane_of_couple(match->row, SECOND), third = lane_of_couple(match->row, JUMPING);
+    int64_t had = (int64_t)1 << SLOT_KIND[*first] | (int64_t)1 << SLOT_KIND[*second] | (int64_t)1 << KIND_NOISE |
+                  (int64_t)1 << KIND_RAMP;
+    for (int64_t turn = 0; match->couple < N_MIXED && turn < job->renewals; turn++) {
+        double most = -INFINITY;
+        for (int64_t k = 0; k < SWITCHED; k++) {
+            double value;
+            if (SLOT_HYPOTHESIS[k] != COUPLE_SLOT[match->couple] || (had >> SLOT_KIND[k] & 1) != 0) continue;
+            const double said = said_with(bank, k, COUPLE_PARAMETER[match->couple], old, &value);
+            if (!(said > most)) continue;
+            most = said;
+            job->bases[third] = k;
+            job->values[third] = value;
+        }
+        if (!(most > -INFINITY)) return;
+        had |= (int64_t)1 << SLOT_KIND[job->bases[third]];
+    }
+}
+
 /* Say what lanes of a couple begin: of one that has lanes, the likeliest from what it has found, where it is, and another kind
    in the place of the other. */
-static void plan_match(Bank *bank, const Match *match, Job *job)
+static void plan_match(Bank *bank, const Match *match, const double *old, Job *job)
 {
     const int64_t best = likeliest_of_couple(bank, match->row), own = bank->base[best], part = part_of_lane(best);
     const int place = AT_PARAMETERS + COUPLE_PARAMETER[match->couple];
@@ -233,7 +261,10 @@ static void plan_match(Bank *bank, const Match *match, Job *job)
         job->bases[lane] = is_first || is_alone ? base : match->base[other];
         job->values[lane] = is_first ? value : is_alone ? bank->healthy[place] : match->value[other];
     }
-    if (!is_of_store(COUPLE_PARAMETER[match->couple])) return;
+    if (!is_of_store(COUPLE_PARAMETER[match->couple])) {
+        plan_further(bank, match, old, job);
+        return;
+    }
     job->bases[lane_of_couple(match->row, JUMPING)] = job->renewals % 2 == 0 && !is_alone ? match->base[other] : base;
     job->values[lane_of_couple(match->row, JUMPING)] = value;
 }
@@ -283,7 +314,7 @@ static void choose_couples(Bank *bank, const double *old, int64_t index, Job *jo
             if (bank->coupled[row] < 0) chosen[k].row = row;
         bank->coupled[chosen[k].row] = chosen[k].couple;
         if (COUPLE_BESIDE[chosen[k].couple] >= 0) plan_instruments(bank, &chosen[k], job);
-        else plan_match(bank, &chosen[k], job);
+        else plan_match(bank, &chosen[k], old, job);
     }
     fill_up_couples(bank);
 }
@@ -324,13 +355,11 @@ static void note_couples(Bank *bank, double elapsed, Job *job)
     }
 }
 
-/* Whether the parameter of a lane begins at its healthy value: a second lane with the base of the first. */
+/* Whether the parameter of a lane begins at its healthy value: a second lane with the base of the first, and where nothing
+   tells another value. */
 static int is_neutral(const Bank *bank, const Job *job, int64_t lane)
 {
-    const int64_t row = row_of_lane(lane);
-    if (parameter_of(bank, lane) < 0) return 0;
-    return part_of_lane(lane) != JUMPING && job->bases[lane_of_couple(row, LIKELIEST)] == job->bases[lane_of_couple(row, SECOND)] &&
-           job->values[lane] == bank->healthy[AT_PARAMETERS + parameter_of(bank, lane)];
+    return parameter_of(bank, lane) >= 0 && job->values[lane] == bank->healthy[AT_PARAMETERS + parameter_of(bank, lane)];
 }
 
 /* Whether a lane begins again with the slot that it has. */

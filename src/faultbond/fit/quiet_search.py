@@ -170,10 +170,12 @@ class Search:
         near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
         best = min(near, key=lambda item: item.unknown)
         # What gains as much as the best is likely to explain the same, so it is the last to be tried beside it.
-        order = sorted(found, key=lambda item: (item in near, -item.held))
+        # Lags and holds are first beside a slow error, which may stand for them.
+        slow = best.added[-1].what.is_slow
+        order = sorted(found, key=lambda item: (slow and not _is_late(item), item in near, -item.held))
         others = [item for item in order if item is not best]
         worthy = [item for item in others if item.held - stand.held >= max(WORTH, WORTHY * most)]
-        if not best.added[-1].what.is_slow:  # a slow error also takes what a lag explains that is not there yet
+        if not slow:  # a slow error also takes what a lag explains that is not there yet
             worthy = [item for item in worthy if not item.added[-1].what.is_slow]
         joint = self._joint(stand, best, worthy)
         if joint is not None:
@@ -214,14 +216,16 @@ class Search:
         """Give where the best and others, each of another place, lead together; None: they gain no more than one does.
 
         What explains the same thing gains together hardly more than alone; that is not added twice. A slow error that
-        is best may stand for lags: these are asked for beside it, and it goes where they gain as much without it.
+        is best may stand for lags, those of its own place first of all: these are asked for beside it, and it goes
+        where they gain as much without it.
         """
-        places = {best.added[-1].what.place}
+        places = {(best.added[-1].what.place, _is_late(best))}
         chosen = [best]
         for item in others:
-            if len(chosen) < MOST_BESIDE and item.added[-1].what.place not in places:
+            place = item.added[-1].what.place, _is_late(item)
+            if len(chosen) < MOST_BESIDE and place not in places:
                 chosen.append(item)
-                places.add(item.added[-1].what.place)
+                places.add(place)
         while len(chosen) > 1:
             more = [item.added[-1] for item in chosen]
             self.tell(f"fitting {', '.join(item.what.words for item in more)} together")
@@ -591,6 +595,11 @@ def _found(ground: _Ground, q: FloatArray, opened: Sequence[Imperfection]) -> tu
         memory = float(np.exp(q[memory_place(ground.graph, ground.layout, item)])) if item.is_slow else item.memory
         found.append(replace(item, size=size, memory=memory))
     return tuple(found)
+
+
+def _is_late(item: Footing) -> bool:
+    """Whether the last thing that was added is one that comes late, or goes on between rows."""
+    return item.added[-1].what.kind in LATE
 
 
 def _shortened(record: HealthyRecording) -> HealthyRecording:

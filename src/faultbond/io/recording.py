@@ -185,7 +185,8 @@ class _Layout:
         needed = columns.needed(self.header)
         for column in needed:
             if self.header.count(column.header) != 1:
-                raise RecordingError(_no_column(column, self.header, title))
+                others = frozenset(item.header for item in needed if item is not column)
+                raise RecordingError(_no_column(column, others, self.header, title))
         self._columns, self._title = columns, title
         self._clock = self.header.index(needed[0].header) if needed and needed[0].role == "time" else None
         inputs, outputs = columns.inputs, columns.outputs
@@ -475,15 +476,15 @@ def ends(columns: tuple[Column, ...], *, inwards: bool) -> tuple[FloatArray, Flo
     return lower + width, upper - width
 
 
-def _no_column(column: Column, header: list[str], title: str) -> str:
-    """Say that a column is not there, or is there twice, and what is there."""
+def _no_column(column: Column, others: frozenset[str], header: list[str], title: str) -> str:
+    """Say that a column is not there, or is there twice, and what is there; none that others read is meant."""
     if column.header in header:
         return f"{title}: column {column.header!r} ({column.role}) appears {header.count(column.header)} times."
     if all(not math.isnan(finite_number(name)) for name in header):
         return f"{title}: the first row holds numbers; it must name the columns, among them {column.header!r}."
     found = ", ".join(name[:40] for name in header[:SHOWN_COLUMNS])
     more = f" and {len(header) - SHOWN_COLUMNS} more" if len(header) > SHOWN_COLUMNS else ""
-    by_lower = {name[:100].lower(): name[:100] for name in header[:1000]}
+    by_lower = {name[:100].lower(): name[:100] for name in header[:1000] if name not in others}
     close = difflib.get_close_matches(column.header.lower(), by_lower, n=1)
     advice = f"Did you mean '{by_lower[close[0]]}'?" if close else "Name it in the model file with `column`."
     return f"{title}: no column {column.header!r} ({column.role}); found: {found}{more}. {advice}"

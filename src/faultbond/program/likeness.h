@@ -72,14 +72,23 @@ static inline int is_behind(const Name *a, const Name *b)
     return a->n > b->n;
 }
 
-/* Append what to do where a column is not among n names. */
-static inline void add_advice(char *message, const char *wanted, const char *names, int64_t n)
+/* Whether a name is one of some. */
+static inline int is_among(const char *name, const char *const *some, int n)
+{
+    for (int k = 0; k < n; k++)
+        if (strcmp(name, some[k]) == 0) return 1;
+    return 0;
+}
+
+/* Append what to do where a column is not among n names; what is `taken`, since others read it, is not meant. */
+static inline void add_advice(char *message, const char *wanted, const char *names, int64_t n, const char *const *taken, int n_taken)
 {
     const Name word = name_of(wanted);
     Name best = {{0}, 0};
     double most = -1.0;
     const char *meant = NULL;
     for (int64_t k = 0; k < n && k < LIKE_NAMES; k++, names += strlen(names) + 1) {
+        if (is_among(names, taken, n_taken)) continue;
         const Name name = name_of(names);
         const double like = likeness(&name, &word);
         if (like < LIKE_ENOUGH || like < most || (like == most && is_behind(&best, &name))) continue;

@@ -49,7 +49,8 @@ static inline int refuse_header(int column, int times, const char *names, int64_
     } else {
         (void)snprintf(message, MESSAGE_ROOM, "%s: no column %s (%s); found: ", CSV_TITLE, shown, COLUMN_ROLE[column]);
         add_names(message, names, n);
-        add_advice(message, COLUMN_HEADER[column], names, n);
+        const int first = READ_TIME == 0; /* no column is looked for as the time */
+        add_advice(message, COLUMN_HEADER[column], names, n, COLUMN_HEADER + first, N_COLUMNS - first);
     }
     return CSV_ERROR;
 }

@@ -268,6 +268,23 @@ def test_what_is_no_recording_is_said_as_by_python(
     np.testing.assert_array_equal(c.points, python.points)
 
 
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        (b"time,u,y,z", "no column 'u2' (input u2); found: time, u, y, z. Name it in the model file"),
+        (b"time,u,U2,y,z", "Did you mean 'U2'?"),
+    ],
+)
+def test_a_column_that_is_read_is_not_meant_by_another(
+    header: bytes, said: str, readings: Compiled, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What resembles a missing column and has a reader of its own is not proposed for it."""
+    text = header + b"\n" + b",".join([b"0"] * header.count(b",")) + b",0\n"
+    c, python = readings["means"].read(text, 5000), python_reads(KINDS["means"], text, 5000, monkeypatch)
+    assert said in c.message
+    assert c.message == python.message
+
+
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("most", [100, 2**16])
 def test_lines_end_as_on_any_system(end: str, most: int, readings: Compiled, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -281,7 +298,7 @@ def test_lines_end_as_on_any_system(end: str, most: int, readings: Compiled, mon
 
 def test_rows_that_come_too_seldom_for_means_are_refused(readings: Compiled, monkeypatch: pytest.MonkeyPatch) -> None:
     """They have more noise than the model file says."""
-    text = b"time,u,v,y,z\n" + b"".join(b"%r,1,2,3,4\n" % (0.5 * k) for k in range(40))
+    text = b"time,u,u2,y,z\n" + b"".join(b"%r,1,2,3,4\n" % (0.5 * k) for k in range(40))
     c, python = readings["means"].read(text), python_reads(KINDS["means"], text, 100, monkeypatch)
     assert c.message == python.message
     assert c.message.startswith("line 21: the rows come every 0.5 s")
@@ -289,7 +306,7 @@ def test_rows_that_come_too_seldom_for_means_are_refused(readings: Compiled, mon
 
 def test_a_reading_that_jumps_in_a_sample_is_left_out(readings: Compiled, monkeypatch: pytest.MonkeyPatch) -> None:
     """Once its scatter is known; a held input acts until the next sample, a linear one about it."""
-    random, lines = Random(3), ["time,u,v,y,z"]  # noqa: S311 - no secret
+    random, lines = Random(3), ["time,u,u2,y,z"]  # noqa: S311 - no secret
     for k in range(1200):
         time = 0.125 * k - (100.0 if k > 900 else 0.0)
         y = random.gauss(0.0, 0.1) + 5.0 * (k > 802) + 1.0 * (k > 847)  # the first jump is not learned as scatter

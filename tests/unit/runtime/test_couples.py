@@ -112,6 +112,65 @@ def test_a_second_fault_is_no_jump_of_a_slow_error(faults: tuple[Fault, ...]) ->
     assert best.probability > 0.99
 
 
+ROOMS = """name: two rooms
+sample_time: 10 s
+accuracy: 1 %
+inputs: {u1: {unit: percent}, u2: {unit: percent}}
+components:
+  heater1: {type: Sf, law: f = H1*u1, parameters: {H1: 60 W/percent}}
+  heater2: {type: Sf, law: f = H2*u2, parameters: {H2: 80 W/percent}}
+  zone1: {type: C, parameters: {C1: 40 kJ/K}}
+  zone2: {type: C, parameters: {C2: 60 kJ/K}}
+  gap: {type: R, parameters: {R12: 0.05 K/W}}
+  wall1: {type: R, parameters: {R1: 0.15 K/W}}
+  wall2: {type: R, parameters: {R2: 0.12 K/W}}
+junctions: {z1: 0, z2: 0, between: 1}
+bonds: [heater1 -> z1 -> zone1, heater2 -> z2 -> zone2, z1 -> between -> z2, between -> gap, z1 -> wall1, z2 -> wall2]
+sensors:
+  T1: {reads: z1.e, unit: K, noise: 0.25 K}
+  T2: {reads: z2.e, unit: K, noise: 0.25 K}
+  P: {reads: heater1.f + heater2.f, unit: kW, noise: 0.05 kW}
+slow_error: {T1: 1.5 K over 3 h, wall1.f: 4 % over 3 h, wall2.f: 4 % over 3 h, heater2.f: 1.6 % over 11 min}
+"""
+
+
+def first_in_rooms(sensor: Fault, component: Fault) -> Candidate:
+    """What comes first at the end where a thermometer of two rooms and a wall are at fault."""
+    graph = parse_model(ROOMS, "model.yaml")
+    time, random = np.asarray(10.0 * np.arange(700), dtype=np.float64), np.random.default_rng(0)
+    power = np.column_stack([random_steps(time, random, low=5, high=60, shortest=1500, longest=4000) for _ in "12"])
+    made = simulate(graph, Inputs(time=time, values=power), (sensor, component), seed=0)
+    monitor = run(build_engine(graph)[1], samples_of(time, made.inputs, made.outputs))[0]
+    return monitor.conclude().candidates[0]
+
+
+def test_a_parameter_begins_where_it_can_be() -> None:
+    """A wall that lets through three times as much is beyond 0 for who takes its law to be straight.
+
+    With a thermometer that is off beside it both are named, and no heat capacity in place of the thermometer.
+    """
+    sensor, wall = (
+        Fault(parameter="T1.bias", value=-5.0, start=3000.0),
+        Fault(parameter="R2", factor=0.3, start=3000.0),
+    )
+    best = first_in_rooms(sensor, wall)
+    assert best.parameters == ("T1.bias", "R2")
+    assert best.probability > 0.95
+    assert near(best, [-5.0, 0.036])
+
+
+def test_each_kind_of_fault_of_an_instrument_is_tried_beside_a_parameter() -> None:
+    """A wrong gain, which explains less than a bias and a drift do while the wall counts as healthy, is found."""
+    sensor, gap = (
+        Fault(parameter="T2.gain", value=1.1, start=3000.0),
+        Fault(parameter="R12", factor=0.4, start=3000.0),
+    )
+    best = first_in_rooms(sensor, gap)
+    assert (best.parameters, best.kind) == (("T2.gain", "R12"), FaultKind.GAIN)
+    assert best.probability > 0.95
+    assert near(best, [1.1, 0.02])
+
+
 def test_none_is_tested_before_the_bank_is_renewed() -> None:
     """Soon after the alarm no couple has lanes, and none is a candidate; at the end as many have as can be tested."""
     alarm = int(ended((SENSOR, COMPONENT)).number("clock.alarm"))
