@@ -1,4 +1,4 @@
-"""A fault that was mended: nominal again, with all else that was learned."""
+"""A fault that was mended: nominal again, with all else as it was known before."""
 
 import json
 from functools import cache

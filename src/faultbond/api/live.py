@@ -202,7 +202,7 @@ class Monitor:
         return self._course.accept(self._chosen(spelled(names)))
 
     def repaired(self, *names: str) -> Decision:
-        """Say that a candidate was the fault and is mended, so that all is nominal again. Arguments as of `accept`."""
+        """Say that a candidate was the fault and is mended, nominal again. Arguments as of `accept`."""
         return self._course.accept(self._chosen(spelled(names)), repaired=True)
 
     def reject(self, *names: str) -> Decision:

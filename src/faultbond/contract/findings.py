@@ -87,9 +87,9 @@ class Candidate:
 class Walk:
     """A parameter that the healthy filter has moved farther than its variance allows.
 
-    sd: by how much, in standard deviations of what is usual. from_start: since the first sample, in what the declared
-    accuracy allows; else since the onset of the alarm. together: it and others, of
-    which it the farthest; sd is that of all.
+    sd: by how much, in standard deviations of what is usual. from_start: since the start, or what was accepted last, in
+    what the declared accuracy allows; else since the onset of the alarm. together: it and others, of which it the
+    farthest; sd is that of all.
     """
 
     parameter: str
@@ -103,7 +103,7 @@ class Detection:
     """An alarm: raised at `time` (grid point `sample`), estimated onset `change_time`.
 
     signals: the sensors whose sums crossed; of an alarm that no sum raised, the sensor with the largest.
-    walk: what raised an alarm of a slow fault that the healthy filter followed, or of one from the first sample on.
+    walk: what raised an alarm of a slow fault that the healthy filter followed, or of one from the start on.
     """
 
     time: float
@@ -174,7 +174,8 @@ class Decision:
     """A candidate, as it stood when it was accepted or rejected at `time`.
 
     Accepted, it became the healthy model, and alarms since then are of other faults; or it was the fault, and was
-    `repaired`, so that all is as the model file says again. Rejected, it is out until the next alarm.
+    `repaired`, so that it is as the model file says again, and all else as known before it. Rejected, it is out until
+    the next alarm.
     """
 
     time: float

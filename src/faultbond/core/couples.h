@@ -19,7 +19,7 @@
 #include "growing.h"
 #include "slots.h"
 
-enum { LIKELIEST, SECOND, JUMPING };
+enum { LIKELIEST, SECOND, THIRD };
 
 /* A couple that may be tested: its likelihood by the closed form, by steps, or by its lanes, its cost taken off; the likeliest
    base and another one (-1: none), what these say, and where the parameter begins. */
@@ -222,12 +222,12 @@ static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t mos
 }
 
 /* Let the third lane of a couple with an instrument begin with the likeliest base of a kind that neither of the first two is of;
-   with the next such kind at each later renewal, as long as there is one. */
+   with the next such kind at each later renewal, and where there is none any more with the last one again. */
 static void plan_further(Bank *bank, const Match *match, const double *old, Job *job)
 {
-    const int64_t *const first = job->bases + lane_of_couple(match->row, LIKELIEST);
-    const int64_t *const second = job->bases + lane_of_couple(match->row, SECOND), third = lane_of_couple(match->row, JUMPING);
-    int64_t had = (int64_t)1 << SLOT_KIND[*first] | (int64_t)1 << SLOT_KIND[*second] | (int64_t)1 << KIND_NOISE |
+    const int64_t first = job->bases[lane_of_couple(match->row, LIKELIEST)], second = job->bases[lane_of_couple(match->row, SECOND)];
+    const int64_t third = lane_of_couple(match->row, THIRD);
+    int64_t had = (int64_t)1 << SLOT_KIND[first] | (int64_t)1 << SLOT_KIND[second] | (int64_t)1 << KIND_NOISE |
                   (int64_t)1 << KIND_RAMP;
     for (int64_t turn = 0; match->couple < N_MIXED && turn < job->renewals; turn++) {
         double most = -INFINITY;
@@ -257,7 +257,7 @@ static void plan_match(Bank *bank, const Match *match, const double *old, Job *j
     const int is_alone = match->base[other] < 0 || match->base[other] == base;
     for (int64_t k = LIKELIEST; k <= SECOND; k++) {
         const int64_t lane = lane_of_couple(match->row, k);
-        const int is_first = own < 0 || part == JUMPING ? k == LIKELIEST : k == part;
+        const int is_first = own < 0 || part == THIRD ? k == LIKELIEST : k == part;
         job->bases[lane] = is_first || is_alone ? base : match->base[other];
         job->values[lane] = is_first ? value : is_alone ? bank->healthy[place] : match->value[other];
     }
@@ -265,8 +265,8 @@ static void plan_match(Bank *bank, const Match *match, const double *old, Job *j
         plan_further(bank, match, old, job);
         return;
     }
-    job->bases[lane_of_couple(match->row, JUMPING)] = job->renewals % 2 == 0 && !is_alone ? match->base[other] : base;
-    job->values[lane_of_couple(match->row, JUMPING)] = value;
+    job->bases[lane_of_couple(match->row, THIRD)] = job->renewals % 2 == 0 && !is_alone ? match->base[other] : base;
+    job->values[lane_of_couple(match->row, THIRD)] = value;
 }
 
 /* Say the same of two instruments: both are off; the one is stuck or has a wrong gain, and the other is off; the other way
@@ -376,7 +376,7 @@ static void suspect_too(const Bank *bank, const Job *job, int64_t lane, const do
                 &start.value[0], &start.sd[0]);
     for (int i = 0; i < N_STATES; i++) {
         start.jumps[i] = 0;
-        for (int e = JUMP_ROW[i]; part_of_lane(lane) == JUMPING && e < JUMP_ROW[i + 1]; e++)
+        for (int e = JUMP_ROW[i]; part_of_lane(lane) == THIRD && e < JUMP_ROW[i + 1]; e++)
             start.jumps[i] |= JUMP_PARAMETER[e] == start.parameter[0];
     }
     suspect_lane(&start, plain, to);

@@ -1,9 +1,9 @@
 /* Accepting and rejecting a candidate: what a person, or a rule, makes of a diagnosis.
 
    An accepted candidate becomes the healthy model: its lane goes on as the healthy filter, what is wrong with an
-   instrument is corrected from then on, and the alarms are on again. One that was repaired is as it was declared instead. A
-   rejected one is out until the next alarm, and
-   with it all sets that contain it: that all of a set are at fault is claimed by each of these too. */
+   instrument is corrected from then on, and the alarms are on again. One that was repaired is as it was declared instead, and
+   the others are as they were known before it. A rejected one is out until the next alarm, and with it all sets that contain
+   it: that all of a set are at fault is claimed by each of these too. */
 #ifndef FB_DECIDE_H
 #define FB_DECIDE_H
 
@@ -164,7 +164,7 @@ static void renew_instrument(State *state, int64_t slot)
 }
 
 /* Parameters are again as they were known before the fault, and slow errors begin anew. What they have learned since holds with
-   the fault only: until somebody says that it was repaired, they made up for it that it was not there any more. One that moves by
+   the fault only, and after the repair, until somebody told of it, they made up for a fault that was gone. One that moves by
    itself goes on from where it is. */
 static void forget_fault(State *state)
 {
@@ -173,7 +173,7 @@ static void forget_fault(State *state)
         moving[k][0] = lane[AT_PARAMETERS + k];
         moving[k][1] = lane[PLAIN_PLACE(AT_PARAMETERS + k, AT_PARAMETERS + k)];
     }
-    unlearned(lane, state->bank.healthy, lane);
+    unlearned(lane, state->alarm.old >= 0 ? state->healthy.snapshots[state->alarm.old] : state->bank.healthy, lane);
     forget_slow_errors(lane);
     for (int k = 0; k < N_PARAMETERS; k++) {
         const int i = AT_PARAMETERS + k;

@@ -49,8 +49,9 @@ void fb_advice(const void *state, void *work, const void *found, void *advice);
    that it is to be accepted now; -1: none yet. level: probability from which it is sure, such as SURE. */
 int64_t fb_sure(void *state, const void *found, double level);
 
-/* Take a hypothesis as the new healthy model, or what it says as repaired, so that it is again as the model says, or rule it
-   out until the next alarm, with all sets that contain it; `candidate`: as it stood. 0, or why not (decide.h). */
+/* Take a hypothesis as the new healthy model, or what it says as repaired, so that it is again as the model says and all else as
+   it was known before, or rule it out until the next alarm, with all sets that contain it; `candidate`: as it stood. 0, or why
+   not (decide.h). */
 int64_t fb_accept(void *state, void *work, int64_t hypothesis, void *candidate);
 int64_t fb_repair(void *state, void *work, int64_t hypothesis, void *candidate);
 int64_t fb_reject(void *state, void *work, int64_t hypothesis, void *candidate);

@@ -13,7 +13,7 @@ enum { TREND_LEVEL, TREND_SLOPE, TREND_VARIANCE, TREND_TIE, TREND_SLOPES, TREND_
 #define WALK_EVERY 100    /* samples after which it is judged how far the parameters have walked, */
 #define WALKS 6           /* over so many windows: the first is as long as that, */
 #define WALK_RATIO 3      /* and each so many times as long as the one before */
-#define SNAPSHOTS (2 * WALKS + 1) /* healthy lanes that are kept for long: two of each window, and that of the start */
+#define SNAPSHOTS (2 * WALKS + 1) /* healthy lanes that are kept for long: two of each window, and that of the start, or of what was accepted last */
 #define AT_START (2 * WALKS)
 #define DEPTH (HISTORY_SAMPLES + 2) /* samples of a trail */
 #define SPREAD 128                  /* samples over which work on the bank may be spread, */

@@ -1,6 +1,7 @@
 /* How far the parameters of the healthy filter walk. A constant that is learned moves only as its variance shrinks: over a
    window from s to t var(theta_t - theta_s) = P_s - P_t. A slow fault, which the filter follows so that no innovation tells of
-   it, moves it farther, and so does one that was there from the first sample, in what the declared accuracy allows.
+   it, moves it farther, and so does one that was there from the first sample, or after it was said to be repaired, in what the
+   declared accuracy allows.
 
    What one parameter has to make up for is shared among all that resemble it, so they are judged together, too: by
    d' (P_s - P_t)^-1 d, with d = theta_t - theta_s.
@@ -129,10 +130,11 @@ static inline void judge_window(Healthy *healthy, int window, const real *old, c
 
 /* Judge how far parameter k is from where it started. Its true value lies off by its accuracy, of which it has found the part
    1 - r, where r of its variance is left; and it walks about that as it is usual. After a diagnosis was accepted only what was
-   known just as declared then is judged, such as what was repaired: what a lane has found may be off by more than it says. */
+   known just as declared then (of one that is tied, beside the others) is judged, such as what was repaired: what a lane has found
+   may be off by more than it says. */
 static inline void judge_start(Healthy *healthy, int k, flag first, flag counts)
 {
-    const double declared = ACCURACY[k] * ACCURACY[k];
+    const double declared = TIE_ROW[k + 1] > TIE_ROW[k] ? 1.0 / OWN_PRECISION[k] : ACCURACY[k] * ACCURACY[k];
     const real *start = healthy->snapshots[AT_START];
     const real before = own_variance(start, k), left = own_variance(healthy->lane, k);
     const real moved = own_value(healthy->lane, k) - own_value(start, k);
@@ -166,7 +168,7 @@ static inline void judge_walks(int64_t index, const Clock *clock, const Inputs *
         judge_window(healthy, window, healthy->snapshots[kept_at(window, number)], rates, weight, counts, matrix);
     }
     for (int k = 0; k < N_PARAMETERS; k++)
-        judge_start(healthy, k, first, watched & from_start & (SAME((double)index) >= from));
+        if (!is_moving(rates, k)) judge_start(healthy, k, first, watched & from_start & (SAME((double)index) >= from));
 }
 
 /* Keep the healthy lane for long, where it is time to, of plants that `may`. At an alarm by a walk the lane with which it was

@@ -216,7 +216,7 @@ class Search:
         """Give where the best and others, each of another place, lead together; None: they gain no more than one does.
 
         What explains the same thing gains together hardly more than alone; that is not added twice. A slow error that
-        is best may stand for lags, those of its own place first of all: these are asked for beside it, and it goes
+        is best may stand for lags, also one of its own place: these are asked for beside it, and it goes
         where they gain as much without it.
         """
         places = {(best.added[-1].what.place, _is_late(best))}

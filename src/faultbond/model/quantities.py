@@ -14,7 +14,7 @@ from faultbond.model.units import SECOND, Dimension, Measure, measure
 MAX_QUANTITY_LENGTH = 200
 
 _NUMBER = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)(?=[^0-9A-Za-z_.]|$)\s*")
-_COMMA = re.compile(r"\s*[+-]?[0-9]+,[0-9]")
+_COMMA = re.compile(r"\s*[+-]?[0-9]+,(?![0-9]{3}(?![0-9]))[0-9]+(?![0-9.,])")  # not that of thousands
 NO_UNIT = Unit("")
 
 

@@ -74,11 +74,11 @@ class _Composer:
         if isinstance(start, StreamEndEvent):
             raise self.source.error(1, f"the {self.source.what} is empty; start with `name:`")
         if isinstance(start, DocumentStartEvent) and (start.tags or start.version):
-            raise self.source.error(1, "a `%` directive; remove it, a model is plain YAML")
+            raise self.source.error(1, f"a `%` directive; remove it, a {self.source.what} is plain YAML")
         top = self.node(next(self.events), 1)
         next(self.events)
         if not isinstance(next(self.events), StreamEndEvent):
-            raise self.source.error(0, "more than one document (`---`); put each model into its own file")
+            raise self.source.error(0, f"more than one document (`---`); put each {self.source.what} into its own file")
         if not isinstance(top, Table):
             raise self.source.error(
                 top.line or 1, f"a {self.source.what} is a table of `key: value`; start with `name:`"

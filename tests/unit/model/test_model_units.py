@@ -123,6 +123,8 @@ def test_bare_number_takes_the_unit_at_hand() -> None:
         ("nan m", "is not a quantity"),
         ("inf", "is not a quantity"),
         ("0x10 m", "is not a quantity"),
+        ("1,000 kg", r"`1,000 kg` is not a quantity[^?]*$"),
+        ("1,234.5 m", r"`1,234.5 m` is not a quantity[^?]*$"),
         ("0,6 ohm", r"`0,6 ohm` is not a quantity: a decimal comma\? Write `0.6 ohm`"),
         ("9**9**9 m", "cannot stand|is not a|unit is expected"),
         ("x" * 10**6, "a quantity of 1000000 characters"),

@@ -58,11 +58,14 @@ def test_a_fault_from_the_first_sample_is_found_and_named(seed: int) -> None:
     assert suspect.estimate / suspect.nominal == pytest.approx(1.3, abs=0.1)
 
 
-def test_what_was_not_repaired_is_found_again() -> None:
-    """An inertia that is called repaired is judged anew from then on, as from the first sample."""
+@pytest.mark.parametrize("tied", ["", "correlations: {J: {K: 0.5}}"], ids=["", "tied"])
+def test_what_was_not_repaired_is_found_again(tied: str) -> None:
+    """An inertia that is called repaired is judged anew from then on, as from the first sample, also beside others."""
     seed = 11  # of which no sum alarms first
-    monitor, alarm = watched(1.3, seed)
-    assert alarm is not None
+    text = (EXAMPLES / "dc_motor" / "model.yaml").read_text(encoding="utf-8")
+    monitor = Monitor(build_engine(parse_model(f"{text}\n{tied}\n", "model.yaml"))[1])
+    alarms = [item for item in motor(1.3, seed) if monitor.step(item).detection is not None]
+    assert len(alarms) == 1
     began = motor(1.3, seed)[-1].time
     monitor.accept(find_hypothesis(monitor.spec, ["J"]), repaired=True)
     later = [replace(item, time=item.time + ROWS * 0.02) for item in motor(1.3, seed)]
