@@ -14,7 +14,8 @@ from faultbond.model.units import SECOND, Dimension, Measure, measure
 MAX_QUANTITY_LENGTH = 200
 
 _NUMBER = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?)(?=[^0-9A-Za-z_.]|$)\s*")
-_COMMA = re.compile(r"\s*[+-]?[0-9]+,(?![0-9]{3}(?![0-9]))[0-9]+(?![0-9.,])")  # not that of thousands
+_COMMA = re.compile(r"\s*[+-]?[0-9]+,[0-9]")
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?[0-9]+,(?![0-9]{3}(?![0-9]))[0-9]+(?![0-9.,])")  # surely not one of thousands
 NO_UNIT = Unit("")
 
 
@@ -184,10 +185,12 @@ def _number(text: str, where: str, wanted: str) -> tuple[float, str]:
     """Split a text into its number and the rest."""
     if len(text) > MAX_QUANTITY_LENGTH:
         raise ModelError(f"{where}a quantity of {len(text)} characters; at most {MAX_QUANTITY_LENGTH} are read")
-    if _COMMA.match(text):
+    if _DECIMAL_COMMA.match(text):
         raise ModelError(
             f"{where}`{shown(text)}` is not a quantity: a decimal comma? Write `{shown(text.replace(',', '.', 1))}`"
         )
+    if _COMMA.match(text):
+        raise ModelError(f"{where}`{shown(text)}` is not a quantity: a comma in its number; write it without, as 1000.5")
     match = _NUMBER.match(text)
     if match is None:
         raise ModelError(f"{where}`{shown(text)}` is not a quantity; write {wanted}")
