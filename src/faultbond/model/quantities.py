@@ -190,7 +190,9 @@ def _number(text: str, where: str, wanted: str) -> tuple[float, str]:
             f"{where}`{shown(text)}` is not a quantity: a decimal comma? Write `{shown(text.replace(',', '.', 1))}`"
         )
     if _COMMA.match(text):
-        raise ModelError(f"{where}`{shown(text)}` is not a quantity: a comma in its number; write it without, as 1000.5")
+        raise ModelError(
+            f"{where}`{shown(text)}` is not a quantity: a comma in its number; write it without, as 1000.5"
+        )
     match = _NUMBER.match(text)
     if match is None:
         raise ModelError(f"{where}`{shown(text)}` is not a quantity; write {wanted}")
