@@ -44,7 +44,9 @@ class CertificateWatch:
             self._seen = seen
             try:
                 found = read_certificate(self._site)
-            except FaultbondError as error:
+            except (FaultbondError, OSError) as error:
+                if isinstance(error, OSError):  # exchanged between two looks at it
+                    self._seen = ()
                 _LOG.warning("%s The certificate of before is shown.", error)
             else:
                 self._newest, self._is_warned = found or self._newest, False
@@ -67,4 +69,4 @@ def _stamp_of(file: Path) -> tuple[int, int, int] | None:
         found = file.stat()
     except OSError:
         return None
-    return found.st_mtime_ns, found.st_size, found.st_ino
+    return found.st_ctime_ns, found.st_size, found.st_ino  # ctime: who may read it counts, too

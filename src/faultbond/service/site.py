@@ -209,7 +209,7 @@ def site_of(
         assets=tuple(assets),
         store=kept,
         port=PORT if port is None else port,
-        offline=OfflineLimits(folder=_offline_folder(Path(), kept)),
+        offline=OfflineLimits(folder=_offline_folder(Path("faultbond"), kept)),
     )
 
 
@@ -241,7 +241,7 @@ def read_site(path: Path, *, port: int | None = None, mistakes: Mistakes | None 
     encryption: dict[str, Any] = found.or_else(lambda: _encryption(listen, folder), {})
     own = found.or_else(lambda: read_number(listen, "port", 0.0, 65535.0), None)
     store = _beside(folder, found.or_else(lambda: _text(told, "store", str(STORE)), str(STORE)))
-    usual = OfflineLimits(folder=_offline_folder(folder, store))
+    usual = OfflineLimits(folder=_offline_folder(path.with_suffix(""), store))
     site = Site(
         name=found.or_else(lambda: _text(told, "name", path.stem), path.stem),
         assets=tuple(_assets(told, folder, found)),
@@ -436,9 +436,9 @@ def _beside(folder: Path, store: str) -> str:
     return store if "://" in store else str(folder / store)
 
 
-def _offline_folder(folder: Path, store: str) -> str:
+def _offline_folder(site: Path, store: str) -> str:
     """Give where files that people bring are kept: beside the store, or the site file where the store is elsewhere."""
-    return str(folder / "faultbond-offline") if "://" in store else f"{store}-offline"
+    return f"{site if '://' in store else store}-offline"
 
 
 def _text(fields: Mapping[str, Spot], key: str, missing: str = "") -> str:

@@ -7,9 +7,11 @@ import os
 import ssl
 import subprocess
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
+from faultbond.service import certificate_watch
 from faultbond.service.certificate_watch import CertificateWatch
 from faultbond.service.door import read_certificate
 from faultbond.service.site import Site, SiteAsset
@@ -103,3 +105,27 @@ def test_its_end_is_told_once_until_it_is_renewed(tmp_path: Path, caplog: pytest
         watch.look()
     (told,) = caplog.messages
     assert told.startswith(f"{tmp_path / 'live.pem'}: the certificate ends at ")
+
+
+def test_a_file_that_goes_while_it_is_read_is_looked_at_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The watch goes on, and takes the new one once it is there; so it does where only rights have changed."""
+    for made in ("first", "second"):
+        signed(tmp_path, made)
+    put(tmp_path, "first")
+    watch, context = begun(tmp_path)
+    put(tmp_path, "second")
+    with monkeypatch.context() as patch:
+        patch.setattr(certificate_watch, "read_certificate", Mock(side_effect=FileNotFoundError("gone")))
+        watch.look()
+    assert caplog.messages == ["gone The certificate of before is shown."]
+    watch.look()
+    assert seen(context, None) == fingerprint(tmp_path / "second.pem")
+    read = Mock(side_effect=read_certificate)
+    monkeypatch.setattr(certificate_watch, "read_certificate", read)
+    watch.look()
+    assert not read.called
+    (tmp_path / "live.key").chmod(0o600 if (tmp_path / "live.key").stat().st_mode & 0o77 else 0o640)
+    watch.look()
+    assert read.called

@@ -261,7 +261,7 @@ def test_limits_of_what_people_bring(tmp_path: Path) -> None:
         room=10**12,
     )
     server = "assets: {loop: {model: loop.yaml}}\nstore: postgresql://db/plant\n"
-    assert read_site(written(tmp_path, server)).offline == replace(usual, folder=str(tmp_path / "faultbond-offline"))
+    assert read_site(written(tmp_path, server)).offline == replace(usual, folder=str(tmp_path / "site-offline"))
     one = site_of([MODEL], source=None, store="a.sqlite", port=None, accept=None)
     assert one.offline == replace(usual, folder="a.sqlite-offline")
 

@@ -17,6 +17,7 @@ from arriving import COLUMNS, Gathered, subscriber
 from faultbond.errors import FaultbondError
 from faultbond.io.recording import Column
 from faultbond.model.graph import Unit
+from faultbond.service.sources import sparkplug
 from faultbond.service.sources.intake import Intake
 from faultbond.service.sources.opening import open_source
 from faultbond.service.sources.options import SourceOptions
@@ -352,6 +353,21 @@ def test_an_asset_lives_while_one_of_its_devices_does() -> None:
 
 
 # Damaged payloads.
+
+
+def test_of_too_many_devices_the_first_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Until its next birth; those that nobody reads take no room."""
+    monkeypatch.setattr(sparkplug, "MOST_DEVICES", 2)
+    node = EdgeNode()
+    born = [node.birth(), *(node.device_birth(*named(1.0), device=name) for name in ("first", "second", "third"))]
+    some = [node.data(*by_alias(2.0), device=name) for name in ("second", "third")]
+    assert heard([*born, *some], topic="spBv1.0/hall/+/gateway/#").counts() == {}
+    lost = node.data(*by_alias(3.0), device="first")
+    assert heard([*born, *some, lost], topic="spBv1.0/hall/+/gateway/#").counts() == {"unborn": 3}
+    node = EdgeNode()
+    of_nobody = (node.device_birth(device=f"other {k}") for k in range(5))
+    begun = [node.birth(), node.device_birth(*named(1.0)), *of_nobody]
+    assert heard([*begun, node.data(*by_alias(2.0))]).counts() == {}
 
 
 def test_what_is_no_payload_is_counted() -> None:

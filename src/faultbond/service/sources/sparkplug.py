@@ -16,6 +16,7 @@ from faultbond.service.sources.sparkplug_payload import Metric, SparkplugPayload
 from faultbond.service.sources.sparkplug_topic import NAMESPACE, Sender, node_of, topic_of
 
 MOST_SENDERS = 10_000  # nodes, readers of topics, and names of an asset, that are remembered
+MOST_DEVICES = 1000  # of a node, whose births or deaths are remembered
 SEQUENCE = 256  # numbers of messages, after which they begin anew
 BD_SEQ = "bdSeq"  # the metric by which a death is known to be of a birth
 CONTROLS = ("Node Control/", "Device Control/")  # metrics that are commands
@@ -185,7 +186,7 @@ class EdgeNodes:
     def _node(self, sender: Sender) -> _Node:
         if sender[:2] not in self._nodes:
             if len(self._nodes) >= MOST_SENDERS:
-                self._nodes.clear()
+                del self._nodes[next(iter(self._nodes))]
             self._nodes[sender[:2]] = _Node()
         return self._nodes[sender[:2]]
 
@@ -197,10 +198,14 @@ def _birth(node: _Node, message: _Message) -> None:
         return  # what was seen of now goes before
     if sender.device:
         _follow(node, message)
+        if not message.own:  # only its number counts
+            return
+        _make_room(node, message)
     else:
         node.bd_seq = _session(metrics)
     if not (sender.device or message.is_kept):
         node.seq, node.is_followed = message.content.seq, True
+        node.gone.clear()
         node.births = {device: birth for device, birth in node.births.items() if birth.at >= at}  # they overtook it
         for reader in message.concerned:
             for lost in reader.given_of(sender):
@@ -242,8 +247,11 @@ def _death(node: _Node, message: _Message) -> None:
     why = f"{_called(sender)} is dead, and what it sent is of the past until its next birth"
     if sender.device:
         _follow(node, message)
+        if not message.own:
+            return
         node.births.pop(sender.device, None)
-        node.gone.add(sender.device)
+        if len(node.gone) < MOST_DEVICES:
+            node.gone.add(sender.device)
         _count(message.own, DEATHS)
         for reader in message.own:
             reader.loses([sender], why)
@@ -253,6 +261,7 @@ def _death(node: _Node, message: _Message) -> None:
         _count(message.concerned, UNKNOWN)
         return
     node.births.clear()
+    node.gone.clear()
     node.seq, node.is_followed = None, True
     _count(message.concerned, DEATHS)
     for reader in message.concerned:
@@ -260,6 +269,17 @@ def _death(node: _Node, message: _Message) -> None:
 
 
 HANDLED = {"BIRTH": _birth, "DATA": _data, "DEATH": _death}
+
+
+def _make_room(node: _Node, message: _Message) -> None:
+    """Forget the device that was born first where one more is too many."""
+    node.gone.discard(message.sender.device)
+    if message.sender.device in node.births or len(node.births) - ("" in node.births) < MOST_DEVICES:
+        return
+    lost = message.sender._replace(device=next(filter(None, node.births)))
+    del node.births[lost.device]
+    for reader in message.concerned:
+        reader.loses([lost], f"{_called(lost)} is one of too many devices, and is known again by its next birth")
 
 
 def _follow(node: _Node, message: _Message) -> None:
