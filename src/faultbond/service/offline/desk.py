@@ -39,7 +39,7 @@ AT_ONCE = 4  # files that come at a time
 WINDOW, MOST_IN_IT = 600.0, 60  # s, and the files that one person brings in it
 SILENCE = 30.0  # s for which nothing of a file may come
 PORTION = 2**20  # bytes that are written at once
-CUT_OFF = "It was cut off by a restart of the service. JobOrder it again."
+CUT_OFF = "It was cut off by a restart of the service. Order it again."
 EVERY = 60.0  # s between two looks at what is too old
 RUN = "run", MODEL
 _LOG = logging.getLogger(__name__)
@@ -65,8 +65,10 @@ class OfflineDesk:
         note: Note,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        self._limits, self._plants, self._note, self._clock = limits, plants, note, clock
-        self._shelf = Shelf(Path(limits.folder))
+        folder = Path(limits.folder).absolute()  # a child works elsewhere
+        self._limits, self._plants = replace(limits, folder=str(folder)), plants
+        self._note, self._clock = note, clock
+        self._shelf = Shelf(folder)
         self._jobs: dict[str, Job] = {}
         self._work: dict[str, asyncio.Task[None]] = {}  # of jobs that are at work
         self._processes: dict[str, int] = {}

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from desk_bench import MODEL, RC, RECORDING, TANK, Bench
+from faultbond.app.plant import WatchedPlant
 from faultbond.errors import FaultbondError, StoreError
 from faultbond.service.contract.offline import (
     FileKind,
@@ -24,6 +25,7 @@ from faultbond.service.contract.offline import (
 )
 from faultbond.service.offline import desk as desk_module
 from faultbond.service.offline.job import JobState
+from faultbond.service.offline.limits import OfflineLimits
 
 Made = Callable[..., Bench]
 
@@ -245,6 +247,22 @@ def test_a_child_knows_little(bench: Made, monkeypatch: pytest.MonkeyPatch) -> N
         assert line in limits
 
 
+def test_a_folder_may_be_relative(tank: WatchedPlant, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a job compiles is kept for the next one, and its own folder stays clean, by whatever name the desk's goes."""
+    monkeypatch.chdir(tmp_path)
+    made = Bench(OfflineLimits(folder="desk"), {"tank": tank})
+
+    async def done() -> Any:
+        async with made.at_work():
+            return await made.until(await made.order())
+
+    told = in_time(done())
+    assert told["state"] == "done"
+    assert any(item.is_file() for item in (tmp_path / "desk" / "cache").rglob("*.so"))
+    names = sorted(item.name for item in (tmp_path / "desk" / "jobs" / told["id"] / "in").iterdir())
+    assert names == ["model.yaml", "recording.csv"]
+
+
 def test_a_file_that_is_too_large_is_refused_while_it_comes(bench: Made) -> None:
     """No more is read of a file than may come, nothing of it stays, and nothing is noted; an empty one is none."""
     made = bench(upload=100_000)
@@ -437,7 +455,7 @@ def test_nothing_is_lost_by_a_restart(bench: Made) -> None:
     made.desk = made.made()
     told = [made.desk.job(job) for job in jobs]
     assert [item["state"] for item in told] == ["cut off", "waiting", "waiting"]
-    assert told[0]["said"] == "It was cut off by a restart of the service. JobOrder it again."
+    assert told[0]["said"] == "It was cut off by a restart of the service. Order it again."
     made.desk = made.made()
     assert [made.desk.job(job) for job in jobs] == told
 
