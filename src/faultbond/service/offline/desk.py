@@ -274,7 +274,9 @@ class OfflineDesk:
         """
         await asyncio.to_thread(self._shelf.make)
         await asyncio.to_thread(self._shelf.remove_files_before, self._clock() - FORGOTTEN)
-        if self._shelf.n_files() >= MOST_FILES:
+        with _kept():
+            n_files = self._shelf.n_files()
+        if n_files >= MOST_FILES:
             raise FaultbondError(f"{MOST_FILES} files lie there that no analysis has taken. Try again in an hour.")
         while await asyncio.to_thread(self._shelf.used) + self._limits.upload > self._limits.room:
             if (oldest := next((job for job in self._jobs.values() if job.state in ENDED), None)) is None:
@@ -286,7 +288,7 @@ class OfflineDesk:
         """Write what comes; give its size and its digest."""
         most = self._limits.upload if kind is FileKind.RECORDING else min(MAX_BYTES, self._limits.upload)
         size, digest, gathered = 0, hashlib.sha256(), bytearray()
-        with place.open("xb") as stream:
+        with _kept(), place.open("xb") as stream:  # also what its close writes
             while True:
                 try:
                     async with asyncio.timeout(SILENCE):
@@ -300,8 +302,7 @@ class OfflineDesk:
                     gathered += part
                 if gathered and (part is None or len(gathered) >= PORTION):
                     digest.update(gathered)
-                    with _kept():
-                        await asyncio.to_thread(stream.write, bytes(gathered))
+                    await asyncio.to_thread(stream.write, bytes(gathered))
                     gathered.clear()
                 if part is None:
                     break

@@ -1,7 +1,10 @@
 """The off-line desk: what is brought is bounded, what is ordered is done as by the command line, nothing is lost."""
 
 import asyncio
+import errno
 import hashlib
+import io
+import os
 import subprocess
 import sys
 from collections.abc import AsyncIterator, Callable
@@ -24,7 +27,7 @@ from faultbond.service.contract.offline import (
     WrongKindError,
 )
 from faultbond.service.offline import desk as desk_module
-from faultbond.service.offline.job import JobState
+from faultbond.service.offline.job import Job, JobState
 from faultbond.service.offline.limits import OfflineLimits
 
 Made = Callable[..., Bench]
@@ -37,6 +40,15 @@ def in_time(work: Any) -> Any:
         return await asyncio.wait_for(work, 200.0)
 
     return asyncio.run(bounded())
+
+
+def failing(error: Exception) -> Callable[..., Any]:
+    """Give what does nothing but fail."""
+
+    def fails(*_: Any, **__: Any) -> Any:
+        raise error
+
+    return fails
 
 
 def test_it_gives_what_the_command_line_writes(bench: Made, compiled: Path, tmp_path: Path) -> None:
@@ -248,7 +260,7 @@ def test_a_child_knows_little(bench: Made, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_a_folder_may_be_relative(tank: WatchedPlant, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a job compiles is kept for the next one, and its own folder stays clean, by whatever name the desk's goes."""
+    """What a job compiles is kept for the next one, and beside its files there is nothing, also by a relative name."""
     monkeypatch.chdir(tmp_path)
     made = Bench(OfflineLimits(folder="desk"), {"tank": tank})
 
@@ -487,6 +499,89 @@ def test_what_is_damaged_on_the_disk_is_told(bench: Made, caplog: pytest.LogCapt
     assert [item["id"] for item in made.made().shown()["jobs"]] == [whole]
     assert "this job cannot be read any more" in caplog.text
     assert sorted(item.name for item in (Path(made.limits.folder) / "jobs").iterdir()) == [whole]
+
+
+def test_what_is_half_made_is_no_job(bench: Made) -> None:
+    """A job that was written but not given its name, and one under another's name, are removed, and not shown."""
+    made = bench()
+    half, other, whole = (in_time(made.order()) for _ in range(3))
+    jobs = Path(made.limits.folder) / "jobs"
+    (jobs / half).rename(jobs / f".{half}")
+    (jobs / other).rename(jobs / ("0" * 16))
+    assert [item["id"] for item in made.made().shown()["jobs"]] == [whole]
+    assert [item.name for item in jobs.iterdir()] == [whole]
+
+
+def test_a_job_takes_its_files_all_or_none(bench: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a job cannot be written its files stay for another try, and links are not needed for it."""
+    made = bench()
+    full = OSError(errno.ENOSPC, "No space left on device")
+
+    async def done() -> None:
+        recording = await made.bring()
+        order = JobOrder(who="emma", recording=recording, asset="tank")
+        with monkeypatch.context() as patch:
+            patch.setattr(Job, "text", failing(full))
+            with pytest.raises(FaultbondError, match="It cannot be kept: No space left"):
+                await made.desk.order(order)
+        assert list((Path(made.limits.folder) / "jobs").iterdir()) == []
+        monkeypatch.setattr(os, "link", failing(PermissionError(errno.EPERM, "Operation not permitted")))
+        job = (await made.desk.order(order))["id"]
+        assert (Path(made.limits.folder) / "jobs" / job / "in" / "recording.csv").read_bytes() == RECORDING
+        assert list((Path(made.limits.folder) / "files").iterdir()) == []
+
+    in_time(done())
+
+
+def test_a_folder_that_cannot_be_read_is_told(
+    bench: Made, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The service begins, and its desk goes on, without a folder that it may not read."""
+    made = bench()
+    in_time(made.order())
+    denied = failing(PermissionError(errno.EACCES, "Permission denied"))
+    monkeypatch.setattr(Path, "iterdir", denied)
+    monkeypatch.setattr(Path, "is_dir", denied)
+    desk = made.made()
+    assert desk.shown()["jobs"] == []
+    assert "the analyses in it cannot be read: Permission denied" in caplog.text
+    in_time(desk._forget())
+
+
+def test_what_vanishes_while_it_is_counted_is_passed_over(bench: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder that is removed while sizes are added up does not keep a file from coming."""
+    made = bench()
+    job = in_time(made.order())
+    scandir = os.scandir
+
+    def vanishing(place: Any) -> Any:
+        if Path(place).name == job:
+            raise FileNotFoundError(errno.ENOENT, "No such file or directory")
+        return scandir(place)
+
+    monkeypatch.setattr(os, "scandir", vanishing)
+    in_time(made.bring())
+
+
+def test_a_full_disk_is_told(bench: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the content cannot be begun or ended, as where it cannot go on, that is one line, and nothing stays."""
+    made = bench()
+    full = OSError(errno.ENOSPC, "No space left on device")
+    opened = Path.open
+
+    class Full(io.FileIO):
+        def write(self, _: Any) -> int:
+            raise full
+
+    def buffered(place: Path, mode: str, **more: Any) -> Any:
+        return io.BufferedWriter(Full(place, mode)) if mode == "xb" else opened(place, mode, **more)
+
+    for given in (failing(full), buffered):
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "open", given)
+            with pytest.raises(FaultbondError, match="It cannot be kept: No space left"):
+                in_time(made.bring(b"a,b\n"))
+        assert list((Path(made.limits.folder) / "files").iterdir()) == []
 
 
 def test_all_that_is_brought_is_noted(bench: Made) -> None:
