@@ -322,6 +322,21 @@ def test_a_file_that_does_not_come_on_is_refused(bench: Made, monkeypatch: pytes
     assert list((Path(made.limits.folder) / "files").iterdir()) == []
 
 
+def test_a_file_that_comes_too_slowly_is_refused(bench: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who sends a little again and again does not hold a place for ever."""
+    monkeypatch.setattr(desk_module, "WHOLE", 0.1)
+    made = bench()
+
+    async def dripping() -> AsyncIterator[bytes]:
+        while True:
+            yield b"a"
+            await asyncio.sleep(0.01)
+
+    with pytest.raises(TooSlowError, match="It did not come within"):
+        in_time(made.desk.take("a.csv", FileKind.RECORDING, "emma", dripping()))
+    assert list((Path(made.limits.folder) / "files").iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("name", "kind"),
     [
@@ -676,5 +691,43 @@ def test_room_is_bounded(bench: Made) -> None:
         assert [item["id"] for item in made.desk.shown()["jobs"]] == [second]
         with pytest.raises(FaultbondError, match="There is no room: what is here fills the 250 kB"):
             await made.bring()
+        with pytest.raises(FaultbondError, match="There is no room"):
+            await made.bring(MODEL, "m.yaml", "model")  # as large as a model may be
+
+    in_time(done())
+
+
+def test_room_is_looked_at_by_what_may_come(bench: Made) -> None:
+    """Beside a model there is room for a recording, and beside a recording for a model, where `room` is for both."""
+    made = bench(upload=5 * 2**20, room=7 * 2**20)
+
+    async def done() -> None:
+        model, recording = (b"x" * 2**20, "m.yaml", "model"), (b"x" * (5 * 2**20),)
+        for first, second in ((model, recording), (recording, model)):
+            numbers = [await made.bring(*first), await made.bring(*second)]
+            with pytest.raises(FaultbondError, match="There is no room"):
+                await made.bring(b"x", "c.csv", "table")
+            for number in numbers:
+                made.desk._shelf.remove_file(number)
+
+    in_time(done())
+
+
+def test_what_jobs_write_is_bounded(bench: Made) -> None:
+    """Where results fill the room the oldest jobs that ended go, as many as need be, though nothing comes."""
+    made = bench(upload=200_000, room=1_000_000)
+
+    async def done() -> None:
+        jobs = []
+        for _ in range(3):
+            made.now += 1.0
+            jobs.append(await made.order())
+            made.desk._keep(made.desk._jobs[jobs[-1]].over(made.now, JobState.DONE, "done"))
+        await made.desk._forget()
+        assert [item["id"] for item in made.desk.shown()["jobs"]] == jobs[::-1]
+        out = made.desk._shelf.out(jobs[2])
+        (out / "records.jsonl").write_bytes(b"x" * (1_000_000 - made.desk._shelf.used() + 1))
+        await made.desk._forget()
+        assert [item["id"] for item in made.desk.shown()["jobs"]] == jobs[:0:-1]
 
     in_time(done())
