@@ -4,10 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from faultbond.model.document import MAX_BYTES
 from faultbond.model.keys import TEXT, Key, Keys
 from faultbond.model.source import Text
 from faultbond.model.spot import Spot
-from faultbond.service.offline.limits import MB, OfflineLimits
+from faultbond.service.offline.limits import MB, OfflineLimits, size_text
 from faultbond.service.site_numbers import read_number, read_size, read_time, read_whole
 
 LONGEST = 7 * 86400.0  # s of a job
@@ -59,6 +60,8 @@ def read_limits(place: Spot, folder: Path, usual: OfflineLimits) -> OfflineLimit
         "room": read_size(told, "room", MB),
     }
     limits = replace(usual, **{name: value for name, value in found.items() if value is not None})
-    if limits.room < limits.upload:
-        raise (told.get("room") or told["upload"]).error(": there is no room for one file; `room` is of all of them")
+    if limits.room < limits.upload + 2 * MAX_BYTES:
+        needed = f"`upload` ({size_text(limits.upload)}) and {size_text(2 * MAX_BYTES)}"
+        problem = f": there is no room for a recording and its model; `room` is {needed} at least"
+        raise (told.get("room") or told["upload"]).error(problem)
     return limits

@@ -291,7 +291,12 @@ def test_a_store_is_bounded_by_size(tmp_path: Path) -> None:
         ("offline: {at_once: 1.5}", "offline: at_once is a whole number, not `1.5`"),
         ("offline: {at_once: 0}", "offline: at_once is a number from 1 to 64, not `0`"),
         ("offline: {uplod: 1 GB}", "offline: unknown key `uplod`; did you mean `upload`?"),
-        ("offline: {room: 10 MB}", "offline: room: there is no room for one file"),
+        (
+            "offline: {room: 102 MB}",
+            "offline: room: there is no room for a recording and its model; "
+            "`room` is `upload` (100 MB) and 2.1 MB at least",
+        ),
+        ("offline: {upload: 9.998 GB}", "offline: upload: there is no room for a recording and its model"),
         ("offline: []", "offline"),
     ],
 )

@@ -64,10 +64,11 @@ class JobOrder:
 class Desk(Protocol):
     """Takes files and orders. It never touches what watches the plants.
 
-    A file: `id`, `name`, `kind`, `size`, `sha256`, `at`. A job: `id`, `who`, `at`, `model` (a sentence), `asset`,
-    `recording`, `files` (a list of files), `analyse`, `state` (a value of `job.JobState`), `place` (in the queue, from
-    1; None), `began`, `ended`, `share` (of the recording that was read, None where that is not known), `said`,
-    `verdict` (`fault`, `healthy`, `none` or empty), `candidates`, `remarks`, `results` (values of `JobResult`).
+    A file: `id`, `name`, `kind`, `size`, `sha256`, `who`, `at`. A job: `id`, `who`, `at`, `model` (name of its file),
+    `asset`, `recording` (name in the job's folder), `files` (a list of files), `analyse`, `state` (a value of
+    `job.JobState`), `place` (in the queue, from 1; None), `began`, `ended`, `share` (of the recording that was read,
+    None where that is not known), `said`, `verdict` (`fault`, `healthy`, `none` or empty), `candidates`, `remarks`,
+    `results` (values of `JobResult`).
     """
 
     def shown(self) -> Shown:

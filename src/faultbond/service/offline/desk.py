@@ -34,12 +34,12 @@ from faultbond.service.offline.shelf import MODEL, Shelf, ending_of
 
 MOST_FILES = 20  # that no job has taken
 FORGOTTEN = 3600.0  # s after which such a file is removed
-MOST_TABLES = 20  # of a job
 AT_ONCE = 4  # files that come at a time
 WINDOW, MOST_IN_IT = 600.0, 60  # s, and the files that one person brings in it
 SILENCE = 30.0  # s for which nothing of a file may come
+WHOLE = FORGOTTEN / 2  # s in which all of it comes: slow ones must not hold all places for ever
 PORTION = 2**20  # bytes that are written at once
-CUT_OFF = "It was cut off by a restart of the service. JobOrder it again."
+CUT_OFF = "It was cut off by a restart of the service. Order it again."
 EVERY = 60.0  # s between two looks at what is too old
 RUN = "run", MODEL
 _LOG = logging.getLogger(__name__)
@@ -65,8 +65,10 @@ class OfflineDesk:
         note: Note,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        self._limits, self._plants, self._note, self._clock = limits, plants, note, clock
-        self._shelf = Shelf(Path(limits.folder))
+        folder = Path(limits.folder).absolute()  # a child works elsewhere
+        self._limits, self._plants = replace(limits, folder=str(folder)), plants
+        self._note, self._clock = note, clock
+        self._shelf = Shelf(folder)
         self._jobs: dict[str, Job] = {}
         self._work: dict[str, asyncio.Task[None]] = {}  # of jobs that are at work
         self._processes: dict[str, int] = {}
@@ -111,11 +113,12 @@ class OfflineDesk:
         self._meter(who)
         self._coming += 1
         try:
-            await self._make_room()
+            most = self._limits.upload if kind is FileKind.RECORDING else min(MAX_BYTES, self._limits.upload)
+            await self._make_room(most)
             with _kept():
                 number, place = self._shelf.begin_file()
             try:
-                size, digest = await self._receive(content, place, kind)
+                size, digest = await self._receive(content, place, kind, most)
                 file = BroughtFile(id=number, name=name, kind=kind, size=size, sha256=digest, who=who, at=self._clock())
                 with _kept():
                     await asyncio.to_thread(self._shelf.keep_file, file)
@@ -262,8 +265,8 @@ class OfflineDesk:
             raise TooManyError(f"{MOST_IN_IT} files came in ten minutes. Try again in {seconds:.0f} s.", seconds)
         times.append(now)
 
-    async def _make_room(self) -> None:
-        """Make the folder, and room in it for one more file.
+    async def _make_room(self, size: int) -> None:
+        """Make the folder, and room in it for so many bytes more.
 
         Raises
         ------
@@ -272,24 +275,35 @@ class OfflineDesk:
         """
         await asyncio.to_thread(self._shelf.make)
         await asyncio.to_thread(self._shelf.remove_files_before, self._clock() - FORGOTTEN)
-        if self._shelf.n_files() >= MOST_FILES:
+        with _kept():
+            n_files = self._shelf.n_files()
+        if n_files >= MOST_FILES:
             raise FaultbondError(f"{MOST_FILES} files lie there that no analysis has taken. Try again in an hour.")
-        while await asyncio.to_thread(self._shelf.used) + self._limits.upload > self._limits.room:
-            if (oldest := next((job for job in self._jobs.values() if job.state in ENDED), None)) is None:
-                told = size_text(self._limits.room)
-                raise FaultbondError(f"There is no room: what is here fills the {told} that it may. Try again later.")
-            await self._forget_job(oldest.id)
+        if not await self._has_room(size):
+            told = size_text(self._limits.room)
+            raise FaultbondError(f"There is no room: what is here fills the {told} that it may. Try again later.")
 
-    async def _receive(self, content: AsyncIterator[bytes], place: Path, kind: FileKind) -> tuple[int, str]:
+    async def _has_room(self, size: int) -> bool:
+        """Remove the oldest that ended until there is room for so many bytes more; tell whether there is then."""
+        while await asyncio.to_thread(self._shelf.used) + size > self._limits.room:
+            if (oldest := next((job for job in self._jobs.values() if job.state in ENDED), None)) is None:
+                return False
+            await self._forget_job(oldest.id)
+        return True
+
+    async def _receive(self, content: AsyncIterator[bytes], place: Path, kind: FileKind, most: int) -> tuple[int, str]:
         """Write what comes; give its size and its digest."""
-        most = self._limits.upload if kind is FileKind.RECORDING else min(MAX_BYTES, self._limits.upload)
         size, digest, gathered = 0, hashlib.sha256(), bytearray()
-        with place.open("xb") as stream:
+        clock = asyncio.get_running_loop().time
+        ends = clock() + WHOLE
+        with _kept(), place.open("xb") as stream:  # also what its close writes
             while True:
                 try:
-                    async with asyncio.timeout(SILENCE):
+                    async with asyncio.timeout_at(min(clock() + SILENCE, ends)):
                         part = await anext(content, None)
                 except TimeoutError:
+                    if clock() >= ends:
+                        raise TooSlowError(f"It did not come within {WHOLE / 60:.0f} min.") from None
                     raise TooSlowError(f"Nothing more of it came for {SILENCE:.0f} s.") from None
                 if part is not None:
                     size += len(part)
@@ -298,8 +312,7 @@ class OfflineDesk:
                     gathered += part
                 if gathered and (part is None or len(gathered) >= PORTION):
                     digest.update(gathered)
-                    with _kept():
-                        await asyncio.to_thread(stream.write, bytes(gathered))
+                    await asyncio.to_thread(stream.write, bytes(gathered))
                     gathered.clear()
                 if part is None:
                     break
@@ -331,6 +344,7 @@ class OfflineDesk:
         for k, job in enumerate(ended):
             if len(ended) - k > self._limits.jobs or (job.ended or job.at) < oldest:
                 await self._forget_job(job.id)
+        await self._has_room(0)
         await asyncio.to_thread(self._shelf.remove_files_before, self._clock() - FORGOTTEN)
 
     async def _forget_job(self, name: str) -> None:

@@ -5,6 +5,7 @@ All names in it are ours, but those of tables, which a model names and which are
 
 import json
 import logging
+import os
 import re
 import secrets
 import shutil
@@ -86,9 +87,11 @@ class Shelf:
     def used(self) -> int:
         """Give how many bytes are in it, what was compiled not counted."""
         sizes = 0
-        for item in (*self._files.rglob("*"), *self._jobs.rglob("*")):
-            with suppress(OSError):
-                sizes += item.stat().st_size if item.is_file() else 0
+        for top in (self._files, self._jobs):
+            for folder, _, names in os.walk(top):  # which passes over what vanishes meanwhile
+                for name in names:
+                    with suppress(OSError):
+                        sizes += Path(folder, name).lstat().st_size
         return sizes
 
     # Files
@@ -127,10 +130,11 @@ class Shelf:
 
     def remove_files_before(self, at: float) -> None:
         """Remove files that have lain about since before a time."""
-        for item in self._numbered(self._files):
-            with suppress(OSError):
-                if item.stat().st_mtime < at:
-                    self.remove_file(item.name)
+        with suppress(OSError):  # the folder cannot be read
+            for item in self._numbered(self._files):
+                with suppress(OSError):
+                    if item.stat().st_mtime < at:
+                        self.remove_file(item.name)
 
     # Jobs
 
@@ -153,7 +157,7 @@ class Shelf:
                 item.mkdir(mode=_OURS_ONLY)
             given(draft / "in")
             for file in job.files:
-                (self._files / file.id / CONTENT).replace(draft / "in" / name_in_job(file, job))
+                _put(self._files / file.id / CONTENT, draft / "in" / name_in_job(file, job))
             (draft / ABOUT).write_text(job.text(), encoding="utf-8")
             draft.rename(self._jobs / job.id)
         except BaseException:
@@ -169,17 +173,24 @@ class Shelf:
 
     def jobs(self) -> Iterator[Job]:
         """Give all jobs, in the order in which they came; what is half made is removed, and what is damaged told."""
-        found = []
-        for item in self._jobs.iterdir() if self._jobs.is_dir() else ():
+        found, items = [], []
+        try:
+            items = list(self._jobs.iterdir())
+        except FileNotFoundError:
+            pass  # nobody ordered anything yet
+        except OSError as error:
+            _LOG.warning("%s: the analyses in it cannot be read: %s", self._jobs, error.strerror or error)
+        for item in items:
             try:
-                found.append(Job.of((item / ABOUT).read_text(encoding="utf-8")))
-                if found[-1].id != item.name:
-                    raise ValueError(item.name)
+                job = Job.of((item / ABOUT).read_text(encoding="utf-8"))
+                if job.id != item.name or not NUMBER.fullmatch(item.name):
+                    raise ValueError(f"it is of {job.id}")
+                found.append(job)
             except (OSError, ValueError) as error:
                 if not item.name.startswith("."):
                     _LOG.warning("%s: this job cannot be read any more (%s), and is removed.", item, error)
                 shutil.rmtree(item, ignore_errors=True)
-        return iter(sorted((job for job in found if NUMBER.fullmatch(job.id)), key=lambda job: (job.at, job.id)))
+        return iter(sorted(found, key=lambda job: (job.at, job.id)))
 
     def clear(self, job: str) -> None:
         """Remove what a job needed only while it was at work."""
@@ -192,6 +203,14 @@ class Shelf:
     @staticmethod
     def _numbered(folder: Path) -> Iterator[Path]:
         return (item for item in folder.iterdir() if NUMBER.fullmatch(item.name)) if folder.is_dir() else iter(())
+
+
+def _put(file: Path, place: Path) -> None:
+    """Let a file be at a second place, too, so that nothing is lost where that fails halfway."""
+    try:
+        os.link(file, place)
+    except OSError:  # there are file systems without links
+        shutil.copyfile(file, place)
 
 
 def name_in_job(file: BroughtFile, job: Job) -> str:

@@ -39,7 +39,8 @@ class ExplanationShape(Shape):
 class JobShape(Shape):
     """An analysis.
 
-    at, began, ended: Unix s. asset: whose model it takes; empty where one was brought. place: in the queue, from 1.
+    at, began, ended: Unix s. asset: whose model it takes; empty where one was brought. model: name of its file.
+    recording: name of it in messages; files[0] has the name under which it was brought. place: in the queue, from 1.
     share: of the recording that was read, null where that is not known. said: a sentence on what came of it, or why
     nothing did. verdict: empty where it did not come so far. results: what there is to be had.
     """
@@ -49,6 +50,7 @@ class JobShape(Shape):
     at: float
     asset: str
     model: str
+    recording: str
     files: list[FileShape]
     analyse: bool
     state: StateWord

@@ -1,7 +1,10 @@
 """The off-line desk: what is brought is bounded, what is ordered is done as by the command line, nothing is lost."""
 
 import asyncio
+import errno
 import hashlib
+import io
+import os
 import subprocess
 import sys
 from collections.abc import AsyncIterator, Callable
@@ -12,6 +15,7 @@ from typing import Any
 import pytest
 
 from desk_bench import MODEL, RC, RECORDING, TANK, Bench
+from faultbond.app.plant import WatchedPlant
 from faultbond.errors import FaultbondError, StoreError
 from faultbond.service.contract.offline import (
     FileKind,
@@ -23,7 +27,8 @@ from faultbond.service.contract.offline import (
     WrongKindError,
 )
 from faultbond.service.offline import desk as desk_module
-from faultbond.service.offline.job import JobState
+from faultbond.service.offline.job import Job, JobState
+from faultbond.service.offline.limits import OfflineLimits
 
 Made = Callable[..., Bench]
 
@@ -35,6 +40,15 @@ def in_time(work: Any) -> Any:
         return await asyncio.wait_for(work, 200.0)
 
     return asyncio.run(bounded())
+
+
+def failing(error: Exception) -> Callable[..., Any]:
+    """Give what does nothing but fail."""
+
+    def fails(*_: Any, **__: Any) -> Any:
+        raise error
+
+    return fails
 
 
 def test_it_gives_what_the_command_line_writes(bench: Made, compiled: Path, tmp_path: Path) -> None:
@@ -245,6 +259,22 @@ def test_a_child_knows_little(bench: Made, monkeypatch: pytest.MonkeyPatch) -> N
         assert line in limits
 
 
+def test_a_folder_may_be_relative(tank: WatchedPlant, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a job compiles is kept for the next one, and beside its files there is nothing, also by a relative name."""
+    monkeypatch.chdir(tmp_path)
+    made = Bench(OfflineLimits(folder="desk"), {"tank": tank})
+
+    async def done() -> Any:
+        async with made.at_work():
+            return await made.until(await made.order())
+
+    told = in_time(done())
+    assert told["state"] == "done"
+    assert any(item.is_file() for item in (tmp_path / "desk" / "cache").rglob("*.so"))
+    names = sorted(item.name for item in (tmp_path / "desk" / "jobs" / told["id"] / "in").iterdir())
+    assert names == ["model.yaml", "recording.csv"]
+
+
 def test_a_file_that_is_too_large_is_refused_while_it_comes(bench: Made) -> None:
     """No more is read of a file than may come, nothing of it stays, and nothing is noted; an empty one is none."""
     made = bench(upload=100_000)
@@ -289,6 +319,21 @@ def test_a_file_that_does_not_come_on_is_refused(bench: Made, monkeypatch: pytes
 
     with pytest.raises(TooSlowError, match="Nothing more of it came"):
         in_time(made.desk.take("a.csv", FileKind.RECORDING, "emma", silent()))
+    assert list((Path(made.limits.folder) / "files").iterdir()) == []
+
+
+def test_a_file_that_comes_too_slowly_is_refused(bench: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who sends a little again and again does not hold a place for ever."""
+    monkeypatch.setattr(desk_module, "WHOLE", 0.1)
+    made = bench()
+
+    async def dripping() -> AsyncIterator[bytes]:
+        while True:
+            yield b"a"
+            await asyncio.sleep(0.01)
+
+    with pytest.raises(TooSlowError, match="It did not come within"):
+        in_time(made.desk.take("a.csv", FileKind.RECORDING, "emma", dripping()))
     assert list((Path(made.limits.folder) / "files").iterdir()) == []
 
 
@@ -437,7 +482,7 @@ def test_nothing_is_lost_by_a_restart(bench: Made) -> None:
     made.desk = made.made()
     told = [made.desk.job(job) for job in jobs]
     assert [item["state"] for item in told] == ["cut off", "waiting", "waiting"]
-    assert told[0]["said"] == "It was cut off by a restart of the service. JobOrder it again."
+    assert told[0]["said"] == "It was cut off by a restart of the service. Order it again."
     made.desk = made.made()
     assert [made.desk.job(job) for job in jobs] == told
 
@@ -469,6 +514,89 @@ def test_what_is_damaged_on_the_disk_is_told(bench: Made, caplog: pytest.LogCapt
     assert [item["id"] for item in made.made().shown()["jobs"]] == [whole]
     assert "this job cannot be read any more" in caplog.text
     assert sorted(item.name for item in (Path(made.limits.folder) / "jobs").iterdir()) == [whole]
+
+
+def test_what_is_half_made_is_no_job(bench: Made) -> None:
+    """A job that was written but not given its name, and one under another's name, are removed, and not shown."""
+    made = bench()
+    half, other, whole = (in_time(made.order()) for _ in range(3))
+    jobs = Path(made.limits.folder) / "jobs"
+    (jobs / half).rename(jobs / f".{half}")
+    (jobs / other).rename(jobs / ("0" * 16))
+    assert [item["id"] for item in made.made().shown()["jobs"]] == [whole]
+    assert [item.name for item in jobs.iterdir()] == [whole]
+
+
+def test_a_job_takes_its_files_all_or_none(bench: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a job cannot be written its files stay for another try, and links are not needed for it."""
+    made = bench()
+    full = OSError(errno.ENOSPC, "No space left on device")
+
+    async def done() -> None:
+        recording = await made.bring()
+        order = JobOrder(who="emma", recording=recording, asset="tank")
+        with monkeypatch.context() as patch:
+            patch.setattr(Job, "text", failing(full))
+            with pytest.raises(FaultbondError, match="It cannot be kept: No space left"):
+                await made.desk.order(order)
+        assert list((Path(made.limits.folder) / "jobs").iterdir()) == []
+        monkeypatch.setattr(os, "link", failing(PermissionError(errno.EPERM, "Operation not permitted")))
+        job = (await made.desk.order(order))["id"]
+        assert (Path(made.limits.folder) / "jobs" / job / "in" / "recording.csv").read_bytes() == RECORDING
+        assert list((Path(made.limits.folder) / "files").iterdir()) == []
+
+    in_time(done())
+
+
+def test_a_folder_that_cannot_be_read_is_told(
+    bench: Made, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The service begins, and its desk goes on, without a folder that it may not read."""
+    made = bench()
+    in_time(made.order())
+    denied = failing(PermissionError(errno.EACCES, "Permission denied"))
+    monkeypatch.setattr(Path, "iterdir", denied)
+    monkeypatch.setattr(Path, "is_dir", denied)
+    desk = made.made()
+    assert desk.shown()["jobs"] == []
+    assert "the analyses in it cannot be read: Permission denied" in caplog.text
+    in_time(desk._forget())
+
+
+def test_what_vanishes_while_it_is_counted_is_passed_over(bench: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder that is removed while sizes are added up does not keep a file from coming."""
+    made = bench()
+    job = in_time(made.order())
+    scandir = os.scandir
+
+    def vanishing(place: Any) -> Any:
+        if Path(place).name == job:
+            raise FileNotFoundError(errno.ENOENT, "No such file or directory")
+        return scandir(place)
+
+    monkeypatch.setattr(os, "scandir", vanishing)
+    in_time(made.bring())
+
+
+def test_a_full_disk_is_told(bench: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the content cannot be begun or ended, as where it cannot go on, that is one line, and nothing stays."""
+    made = bench()
+    full = OSError(errno.ENOSPC, "No space left on device")
+    opened = Path.open
+
+    class Full(io.FileIO):
+        def write(self, _: Any) -> int:
+            raise full
+
+    def buffered(place: Path, mode: str, **more: Any) -> Any:
+        return io.BufferedWriter(Full(place, mode)) if mode == "xb" else opened(place, mode, **more)
+
+    for given in (failing(full), buffered):
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "open", given)
+            with pytest.raises(FaultbondError, match="It cannot be kept: No space left"):
+                in_time(made.bring(b"a,b\n"))
+        assert list((Path(made.limits.folder) / "files").iterdir()) == []
 
 
 def test_all_that_is_brought_is_noted(bench: Made) -> None:
@@ -563,5 +691,43 @@ def test_room_is_bounded(bench: Made) -> None:
         assert [item["id"] for item in made.desk.shown()["jobs"]] == [second]
         with pytest.raises(FaultbondError, match="There is no room: what is here fills the 250 kB"):
             await made.bring()
+        with pytest.raises(FaultbondError, match="There is no room"):
+            await made.bring(MODEL, "m.yaml", "model")  # as large as a model may be
+
+    in_time(done())
+
+
+def test_room_is_looked_at_by_what_may_come(bench: Made) -> None:
+    """Beside a model there is room for a recording, and beside a recording for a model, where `room` is for both."""
+    made = bench(upload=5 * 2**20, room=7 * 2**20)
+
+    async def done() -> None:
+        model, recording = (b"x" * 2**20, "m.yaml", "model"), (b"x" * (5 * 2**20),)
+        for first, second in ((model, recording), (recording, model)):
+            numbers = [await made.bring(*first), await made.bring(*second)]
+            with pytest.raises(FaultbondError, match="There is no room"):
+                await made.bring(b"x", "c.csv", "table")
+            for number in numbers:
+                made.desk._shelf.remove_file(number)
+
+    in_time(done())
+
+
+def test_what_jobs_write_is_bounded(bench: Made) -> None:
+    """Where results fill the room the oldest jobs that ended go, as many as need be, though nothing comes."""
+    made = bench(upload=200_000, room=1_000_000)
+
+    async def done() -> None:
+        jobs = []
+        for _ in range(3):
+            made.now += 1.0
+            jobs.append(await made.order())
+            made.desk._keep(made.desk._jobs[jobs[-1]].over(made.now, JobState.DONE, "done"))
+        await made.desk._forget()
+        assert [item["id"] for item in made.desk.shown()["jobs"]] == jobs[::-1]
+        out = made.desk._shelf.out(jobs[2])
+        (out / "records.jsonl").write_bytes(b"x" * (1_000_000 - made.desk._shelf.used() + 1))
+        await made.desk._forget()
+        assert [item["id"] for item in made.desk.shown()["jobs"]] == jobs[:0:-1]
 
     in_time(done())

@@ -657,14 +657,20 @@ def test_analyses_tell_how_they_stand(opened: Callable[..., Any], browser: Any) 
 
 
 def test_what_the_desk_refuses_is_told(opened: Callable[..., Any], served: Served, tmp_path: Path) -> None:
-    """A file that is too large stays in the form, and its refusal is read out."""
+    """A file that is too large is not sent, nor is another beside it; it stays in the form, and why is read out."""
     (tmp_path / "large.csv").write_text("x" * 6000)
+    (tmp_path / "model.yaml").write_text("x")
     page = opened("#offline")
+    page.wait_for_selector("[data-job]")
+    page.check("[name=desk-model-of][value=file]")
+    page.set_input_files("#desk-model", str(tmp_path / "model.yaml"))
     page.set_input_files("#desk-recording", str(tmp_path / "large.csv"))
     page.click("form button[type=submit]")
     page.wait_for_selector(".problem-line:not([hidden])")
-    assert page.inner_text(".problem-line") == "It is too large. A recording has 5 kB at most."
+    said = page.inner_text(".problem-line").replace("\N{NO-BREAK SPACE}", " ")
+    assert said == "It is too large. A recording has 5 kB at most."
     assert page.locator("form button[type=submit]").is_enabled()
+    assert served.desk.files == {}
     assert served.desk.ordered == []
 
 

@@ -5,6 +5,7 @@ import { capital, make, momentText, renew } from "./elements.js";
 
 const BUSY = 1500, IDLE = 10000; // ms between two questions, while something is at work or waits, and else
 const SHOWN = 5;                 // candidates of an analysis
+const LARGEST = 2 ** 20;         // bytes of a model or a table
 const VERDICTS = { fault: "Fault found", healthy: "No fault found", none: "No verdict" };
 const STATES = { waiting: "Waits", "at work": "At work", failed: "Failed", stopped: "Stopped", "cut off": "Cut off" };
 const RESULTS = { report: "Report", records: "Records", analysis: "What could be found" };
@@ -87,6 +88,7 @@ export class DeskView {
   }
 
   showAll({ now, limits, assets, jobs }) {
+    this.upload = limits.upload;
     this.limits.textContent = `A recording has ${sizeText(limits.upload)} at most. An analysis may take ${spanText(limits.seconds)} and ${sizeText(limits.memory)} of memory; the newest ${limits.jobs} are kept, for ${spanText(86400 * limits.days)}.`;
     this.recording.accept = limits.parquet ? ".csv,.parquet,.pq" : ".csv";
     document.getElementById("desk-recording-hint").textContent = limits.parquet ? "CSV or Parquet" : "CSV";
@@ -137,6 +139,11 @@ export class DeskView {
     this.problem.hidden = true;
     try {
       const wanted = { analyse: this.analyse.checked };
+      this.check(this.recording.files[0], "recording");
+      if (this.isByFile) {
+        this.check(this.model.files[0], "model");
+        for (const file of this.tables.files) this.check(file, "table");
+      }
       if (this.isByFile) {
         wanted.model = await this.bring(this.model.files[0], "model");
         wanted.tables = [];
@@ -157,6 +164,12 @@ export class DeskView {
       this.start.disabled = Boolean(this.state?.isLost);
       this.learn();
     }
+  }
+
+  // Refuse what is too large before any of it is sent, as the service would: it ends the connection then, and a browser may not tell why.
+  check(file, kind) {
+    const most = kind === "recording" ? this.upload : Math.min(this.upload, LARGEST);
+    if (file.size > most) throw new Refusal(413, `It is too large. A ${kind} has ${sizeText(most)} at most.`);
   }
 
   async bring(file, kind) {
