@@ -55,6 +55,11 @@ class Imperfection:
         return self.kind in (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER)
 
     @property
+    def is_late(self) -> bool:
+        """Whether by it something comes late, or goes on between rows."""
+        return self.kind in (Kind.LAG, Kind.HOLD)
+
+    @property
     def words(self) -> str:
         """What it is, without its size."""
         return f"{self.kind.value} of {self.place}"

@@ -71,7 +71,6 @@ LAG_GRID = 4.0  # samples: a lag for which one step of the integration is enough
 LEAST_LAG = 0.2  # samples
 LAGS_TRIED = 2
 RESTLESS = 0.5  # of the rows, in which an input moves that is no command in steps
-LATE = (Kind.LAG, Kind.HOLD)
 SIZED = (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER, Kind.INPUT_NOISE)
 HINT = 5.0  # nats that a lag must seem to explain to be tried
 MOST_SAMPLES = 6000  # with which sizes are compared
@@ -169,10 +168,9 @@ class Search:
         self.refused |= {item.added[-1].what.key for item, gain in zip(found, gained, strict=True) if gain < WORTH}
         near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
         best = min(near, key=lambda item: item.unknown)
-        # What gains as much as the best is likely to explain the same, so it is the last to be tried beside it.
-        # Lags and holds are first beside a slow error, which may stand for them.
+        # What gains as much as the best likely explains the same: it comes last; and lags first beside a slow error.
         slow = best.added[-1].what.is_slow
-        order = sorted(found, key=lambda item: (slow and not _is_late(item), item in near, -item.held))
+        order = sorted(found, key=lambda item: (slow and not item.added[-1].what.is_late, item in near, -item.held))
         others = [item for item in order if item is not best]
         worthy = [item for item in others if item.held - stand.held >= max(WORTH, WORTHY * most)]
         if not slow:  # a slow error also takes what a lag explains that is not there yet
@@ -216,13 +214,13 @@ class Search:
         """Give where the best and others, each of another place, lead together; None: they gain no more than one does.
 
         What explains the same thing gains together hardly more than alone; that is not added twice. A slow error that
-        is best may stand for lags, also one of its own place: these are asked for beside it, and it goes
-        where they gain as much without it.
+        is best may stand for lags, also one of its own place: they are asked for beside it, and it goes where they gain
+        as much without it.
         """
-        places = {(best.added[-1].what.place, _is_late(best))}
+        places = {(best.added[-1].what.place, best.added[-1].what.is_late)}
         chosen = [best]
         for item in others:
-            place = item.added[-1].what.place, _is_late(item)
+            place = item.added[-1].what.place, item.added[-1].what.is_late
             if len(chosen) < MOST_BESIDE and place not in places:
                 chosen.append(item)
                 places.add(place)
@@ -231,8 +229,8 @@ class Search:
             self.tell(f"fitting {', '.join(item.what.words for item in more)} together")
             with suppress(StructureError):
                 found = self._together(stand, more)
-                eased = LATE if more[0].what.is_slow else ()  # a slow error has much of what these gain
-                asked = sum(WORTH if item.what.kind in eased else BESIDE * item.held for item in more[1:])
+                slow = more[0].what.is_slow  # it has much of what lags and holds gain
+                asked = sum(WORTH if slow and item.what.is_late else BESIDE * item.held for item in more[1:])
                 if found.held - stand.held >= more[0].held + asked:
                     return self._without_stand_in(stand, found, more)
             chosen = chosen[: 2 if len(chosen) > 2 else 0]
@@ -240,7 +238,7 @@ class Search:
 
     def _without_stand_in(self, stand: Footing, found: Footing, more: Sequence[Added]) -> Footing:
         """Give a footing without its slow error where what comes late beside that foretells as much alone."""
-        late = [item for item in more if item.what.kind in LATE]
+        late = [item for item in more if item.what.is_late]
         if not more[0].what.is_slow or len(late) != len(more) - 1:
             return found
         self.tell(f"fitting {', '.join(item.what.words for item in late)} without {more[0].what.words}")
@@ -595,11 +593,6 @@ def _found(ground: _Ground, q: FloatArray, opened: Sequence[Imperfection]) -> tu
         memory = float(np.exp(q[memory_place(ground.graph, ground.layout, item)])) if item.is_slow else item.memory
         found.append(replace(item, size=size, memory=memory))
     return tuple(found)
-
-
-def _is_late(item: Footing) -> bool:
-    """Whether the last thing that was added is one that comes late, or goes on between rows."""
-    return item.added[-1].what.kind in LATE
 
 
 def _shortened(record: HealthyRecording) -> HealthyRecording:
