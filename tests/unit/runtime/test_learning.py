@@ -13,7 +13,7 @@ from faultbond.simulate import Fault
 from faultbond.types import FaultKind
 from made import packed, plant, recorded, run, spec_of
 
-FAULT, ROWS = Fault(parameter="R", factor=2.0, start=2.4), 420
+FAULT, ROWS = Fault(parameter="R", factor=2.0, start=2.4), 450
 SPREAD = int(core_settings()["SPREAD"])
 RENEWALS = tuple(int(core_settings()[f"{name}_RENEWAL"]) for name in ("FIRST", "SECOND", "LAST"))
 SPEC = spec_of("dc_motor")

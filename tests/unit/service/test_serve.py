@@ -1,6 +1,7 @@
 """`faultbond serve` as a program: what it says, what it refuses, and that a kill loses nothing."""
 
 import json
+import re
 import signal
 import socket
 import subprocess
@@ -82,7 +83,7 @@ def test_a_killed_service_goes_on_and_tells_nothing_twice(tmp_path: Path) -> Non
         assert process.wait(LONGEST) == 128 + signal.SIGINT
         said, complained = process.communicate()
         assert said == f"rlc: http://127.0.0.1:{port}/ - Ctrl-C stops it.\n"
-        assert complained == ""
+        assert re.fullmatch(r"(.* warning: file:.* has ended\n)?", complained)  # as fast as the recording goes
     kept, whole = (open_store(tmp_path / name, writes=False) for name in ("kept.sqlite", "whole.sqlite"))
     assert [(item.id, item.content) for item in kept.records()] == [(item.id, item.content) for item in whole.records()]
     assert not kept.contested()

@@ -255,6 +255,7 @@ def test_a_store_that_cannot_be_read_stops_nothing(monkeypatch: pytest.MonkeyPat
 def test_a_server_that_is_gone_for_a_while(monkeypatch: pytest.MonkeyPatch, postgres: PostgresServer) -> None:
     """Its service says so, goes on when it is back, and has all that it was told and what came meanwhile, once."""
     monkeypatch.setattr("faultbond.service.station.RETRY", 0.05)
+    monkeypatch.setattr("faultbond.service.station.DEED_PATIENCE", 300.0)  # a server may take long to begin
     place = postgres.url()
     store = open_store(place)
 
