@@ -87,7 +87,7 @@ def _limit(code: int | None, errors: str, limits: OfflineLimits) -> str:
     """Give which limit ended it, in a sentence; empty: none did."""
     if code is None:
         return f"It took longer than {duration_text(limits.seconds)}, and was stopped."
-    if code == -signal.SIGXCPU:
+    if code == -signal.SIGXCPU or "CPU time limit exceeded" in errors:  # of the run, or of its compiler
         return f"It took more than {duration_text(limits.processor)} of a processor, and was stopped."
     if code == -signal.SIGXFSZ or _NO_ROOM in errors:  # of which a verdict may stand, but not what there is of it
         return f"A file that it wrote grew beyond {size_text(limits.results)}, and it was stopped."
