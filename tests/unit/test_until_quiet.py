@@ -227,6 +227,35 @@ def test_a_slow_error_does_not_stand_for_lags(
     assert {item.what.kind for item in better.added} == kept
 
 
+@pytest.mark.parametrize(("both", "kept"), [(700.0, {Kind.WANDER, Kind.LAG}), (601.0, {Kind.WANDER})])
+def test_a_lag_is_asked_for_beside_a_slow_error_though_it_foretells_nothing_alone(
+    both: float, kept: set[Kind], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lag explains the recordings that are fitted, not what is held back: without the wander that is there too,
+
+    parameters stand in for it, otherwise on each day. With the wander it is kept where they foretell more together.
+    """
+    items = [Imperfection(kind=Kind.WANDER, place="L"), Imperfection(kind=Kind.LAG, place="i")]
+    stand = Footing(graph=parse_model(MODEL, file="m.yaml"), values={}, starts={})
+    found = [
+        replace(stand, held=held, added=(Added(what=item, trained=trained, held=held),))
+        for item, trained, held in zip(items, (650.0, 400.0), (600.0, -100.0), strict=True)
+    ]
+
+    def together(_: Search, stand: Footing, more: list[Added]) -> Footing:
+        return replace(stand, held=both if len(more) > 1 else more[0].held, added=tuple(more))
+
+    search = Search.__new__(Search)
+    search.tell, search.refused = lambda _: None, set()
+    ground = SimpleNamespace(climbed=lambda _, item, few: found[items.index(item)])
+    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item) for item in items])
+    monkeypatch.setattr(Search, "_together", together)
+    better = search.better(stand)
+    assert better is not None
+    assert {item.what.kind for item in better.added} == kept
+    assert not search.refused  # beside what is found later it may gain
+
+
 @pytest.mark.parametrize(("both", "kept"), [(755.0, {Kind.LAG}), (900.0, {Kind.ABSOLUTE, Kind.LAG})])
 def test_a_slow_error_of_a_sensor_does_not_stand_for_its_lag(
     both: float, kept: set[Kind], monkeypatch: pytest.MonkeyPatch

@@ -165,14 +165,15 @@ class Search:
         most = max(gained, default=-np.inf)
         if not most >= WORTH:
             return None
-        self.refused |= {item.added[-1].what.key for item, gain in zip(found, gained, strict=True) if gain < WORTH}
         near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
         best = min(near, key=lambda item: item.unknown)
+        vain = (item for item, gain in zip(found, gained, strict=True) if gain < WORTH and not _hides(best, item))
+        self.refused |= {item.added[-1].what.key for item in vain}
         # What gains as much as the best likely explains the same: it comes last; and lags first beside a slow error.
         slow = best.added[-1].what.is_slow
         order = sorted(found, key=lambda item: (slow and not item.added[-1].what.is_late, item in near, -item.held))
         others = [item for item in order if item is not best]
-        worthy = [item for item in others if item.held - stand.held >= max(WORTH, WORTHY * most)]
+        worthy = [item for item in others if item.held - stand.held >= max(WORTH, WORTHY * most) or _hides(best, item)]
         if not slow:  # a slow error also takes what a lag explains that is not there yet
             worthy = [item for item in worthy if not item.added[-1].what.is_slow]
         joint = self._joint(stand, best, worthy)
@@ -340,6 +341,15 @@ class Search:
             return (item.memory,)
         fit = tuple(count * self.step for count in MEMORIES if count * self.step <= self.longest)
         return fit or (self.longest,)
+
+
+def _hides(best: Footing, other: Footing) -> bool:
+    """Tell whether a slow error may have what a lag explains.
+
+    That lag may foretell little by itself: without the slow error, other values stand in for what it lacks.
+    """
+    first, second = best.added[-1], other.added[-1]
+    return first.what.is_slow and second.what.is_late and second.trained >= WORTHY * first.trained
 
 
 class _Ground:
