@@ -39,8 +39,9 @@ class SlowErrorSpec:
     name: str
     sd: float
     memory: float  # seconds
-    alarms: bool  # a relative error of a plant signal, or a parameter, alarms when it leaves its declared size
-    wanders: bool = False  # its size is no bound, but usual
+    alarms: bool  # when it leaves its declared size; not what grows after an input has changed, nor an unknown input
+    is_bound: bool = False  # its size, a part of a law; else that is usual, and larger ones come
+    wanders: bool = False  # it is of a parameter
     after: tuple[tuple[int, float], ...] = ()  # (input, sd per SI of change)
 
     @property
@@ -312,7 +313,7 @@ class EngineSpec:
     def slow_limits(self) -> FloatArray:
         """Limit of each slow error in its declared sd, shape (n_slow_errors,)."""
         settings = self.thresholds
-        limits = (settings.wander_limit if item.wanders else settings.slow_error_limit for item in self.slow_errors)
+        limits = (settings.slow_error_limit if item.is_bound else settings.wander_limit for item in self.slow_errors)
         return _still(np.array(list(limits)))
 
     @cached_property

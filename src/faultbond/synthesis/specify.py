@@ -49,7 +49,8 @@ def build_spec(model: StepModel) -> EngineSpec:
             name=error.target,
             sd=error.sd,
             memory=error.memory,
-            alarms=error.target in parameters if error.wanders else error.relative and not error.is_sensor,
+            alarms=error.target in parameters if error.wanders else not error.after,
+            is_bound=error.relative and not error.is_sensor and not error.wanders,
             wanders=error.wanders,
             after=tuple((positions[name], error.each) for name in error.after),
         )

@@ -176,3 +176,47 @@ def test_an_asset_of_a_fleet_goes_away_at_the_sample_at_which_a_monitor_alarms()
     alarms = [watched(1.3 if k % 2 else 1.0, 11 + k // 2)[1] for k in range(4)]
     assert left == {k: alarm.sample for k, alarm in enumerate(alarms) if alarm is not None}
     assert set(left) == {1, 3}
+
+
+ROOM = """
+name: heated room
+sample_time: 10 s
+accuracy: 4 %
+time_between_false_alarms: 30 d
+inputs: {Q: {unit: W, noise: 20 W}, T_o: {unit: degC, noise: 0.1 K}}
+constants: {T_0: 293.15 K}
+blocks:
+  people: {law: W = gain, parameters: {gain: {nominal: 500 W, accuracy: 16 %, change: 2 kW, range: any, suspect: no}}}
+  walls: {law: loss = UA*(z + T_0 - T_o), parameters: {UA: 200 W/K}}
+  room: {law: der(z) = (Q - loss + W)/C, parameters: {C: 1.2 MJ/K}}
+sensors: {T: {reads: z + T_0, unit: degC, noise: 0.06 K}}
+slow_error: {W: 200 W over 1 h}
+"""
+
+
+def room(growth: float, seed: int, rows: int = 6000, step: float = 10.0) -> tuple[Sample, ...]:
+    """A room for 17 hours; people come and go, and after 7 hours its walls begin to lose more, `growth` at the end."""
+    generator, keep = np.random.default_rng(seed), float(np.exp(-step / 3600.0))
+    outside = 5.0 + 3.0 * np.sin(2.0 * np.pi * np.arange(rows) * step / 86400.0 + generator.uniform(0.0, 6.0))
+    heat = np.repeat(generator.uniform(1500.0, 4500.0, rows // 180 + 1), 180)[:rows]
+    noise = generator.standard_normal((4, rows))
+    inside, people, readings = 20.0, 0.0, []
+    for k in range(rows):
+        readings.append(inside + 0.06 * noise[0, k])
+        people = keep * people + 200.0 * np.sqrt(1.0 - keep**2) * noise[1, k]
+        walls = 204.0 * (1.0 + growth * max(k / rows - 0.4, 0.0) / 0.6)
+        given = heat[k] + 20.0 * noise[2, k] + 520.0 + people
+        inside += step * (given - walls * (inside - outside[k])) / 1.2e6
+    told = np.column_stack([heat, outside + 0.1 * noise[3] + 273.15])
+    time = np.asarray(step * np.arange(rows), dtype=np.float64)
+    return samples_of(time, told, np.array(readings)[:, None] + 273.15)
+
+
+def test_a_fault_that_an_absolute_error_takes_is_found() -> None:
+    """Heat that goes through the walls looks like people who left; so many do not leave."""
+    graph = parse_model(ROOM, file="room.yaml")
+    core = build_engine(graph)[1]
+    for growth, seed, found in ((0.0, 11, False), (0.5, 11, True), (0.5, 13, True), (0.5, 14, True)):
+        monitor = Monitor(core)
+        alarm = next((item for item in (monitor.step(x).detection for x in room(growth, seed)) if item), None)
+        assert (alarm is not None) == found

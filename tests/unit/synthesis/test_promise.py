@@ -67,6 +67,23 @@ def test_limits_grow_with_the_promise() -> None:
     assert cusum_limit(1.0, 1.0, 1, 0.3) == LEAST
 
 
+def test_absolute_errors_alarm_where_they_are_no_more_than_unusual() -> None:
+    """The size of a part of a law is a bound, 1.6; that of an absolute error usual, 5; what sloshes does not alarm."""
+    more = "pipe.f: 2 % over 600 s, level: 2 mm over 600 s"
+    sloshing = "{size: 1 mm over 40 s, after: [u], each: 1 mm/(m^3/s)}"
+    for errors, alarms, limits in (
+        (more, [True, True], [1.6, 5.0]),
+        ("pump.f: 0.1 l/s over 60 s", [True], [5.0]),
+        (f"level: {sloshing}", [False], [5.0]),
+    ):
+        text = MODEL.format(key="").replace("pipe.f: 2 % over 600 s", errors)
+        spec = build_spec(build_model(parse_model(text)))
+        assert [item.alarms for item in spec.slow_errors] == alarms
+        assert spec.slow_limits.tolist() == limits
+    promised = MODEL.replace("pipe.f: 2 % over 600 s", more).format(key="time_between_false_alarms: 30 days")
+    assert len(set(build_spec(build_model(parse_model(promised))).slow_limits.tolist())) == 1
+
+
 def test_model_file_sets_the_limits() -> None:
     """Without the key the usual limits hold; with it they follow from the promise, shared by sums and slow errors."""
     usual, month = thresholds(""), 30 * 86400.0
