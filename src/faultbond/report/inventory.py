@@ -13,6 +13,7 @@ from faultbond.contract.findings import MAX_CANDIDATES
 from faultbond.contract.json_records import Record
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.evaluate import ROOT_WIDTH, SQRT_WIDTH
+from faultbond.equations.passivity import active_elements
 from faultbond.equations.sequence import Loop
 from faultbond.equations.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
 from faultbond.model.expression import rename
@@ -20,7 +21,7 @@ from faultbond.model.graph import BondGraph, Check, Component, Curve, Input, Par
 from faultbond.model.keys import BETWEEN, BEYOND, HOLDS, NOISES_OF
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title, under
-from faultbond.report.doubts import doubtful
+from faultbond.report.doubts import active_texts, doubtful
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
 from faultbond.report.suspects import owner_title
 from faultbond.report.together import together_texts
@@ -223,6 +224,9 @@ def _structure_record(seen: Inventory) -> Record:
             for item in graph.parameters
         ],
         "doubtful": [name for name, _ in doubtful(graph)],
+        "active": [
+            {"component": item.component.name, "numbers": list(item.numbers)} for item in active_elements(graph)
+        ],
         "correlations": [{"parameters": [item.one, item.other], "value": item.value} for item in graph.correlations],
         "constants": [{"name": item.name, "value": item.value, "unit": item.unit.text} for item in graph.fixed],
         "tables": [
@@ -306,7 +310,7 @@ def _print_plant(console: Console, graph: BondGraph) -> None:
     if graph.correlations:
         known = {item.name: item for item in graph.parameters}
         lines(console, under("go together", together_texts(known, graph.correlations)))
-    if doubts := [text for _, text in doubtful(graph)]:
+    if doubts := [*active_texts(graph), *(text for _, text in doubtful(graph))]:
         lines(console, under("doubtful", doubts))
 
 
