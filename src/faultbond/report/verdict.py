@@ -131,6 +131,7 @@ class RunView:
 
 def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Notation) -> RunView:
     """Give all that is to be said of a run."""
+    history = judged(history, counts)
     events = [(item.time, detection_sentence(item), True) for item in history.detections]
     events += [(item.time, accepted_sentence(graph, item), False) for item in history.accepted]
     events += [(item.time, rejected_sentence(graph, item), False) for item in history.rejected]
@@ -147,7 +148,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
         sensors=", ".join(sensor.name for sensor in graph.sensors),
         step=step_text(graph),
         period=" to ".join(clock_text(float(history.time[end])) for end in (0, -1)) if len(history.time) else "",
-        span=duration_text(_span(history)),
+        span=duration_text(_span(graph, history, counts)),
         defects=counts.defects(),
         events=tuple((text, alarm) for _, text, alarm in sorted(events, key=lambda event: event[0])),
         diagnosis=diagnosis,
@@ -162,10 +163,13 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
     )
 
 
+def judged(history: History, counts: RunCounts) -> History:
+    """Give what a run found that counts: no alarm in rows that are too much out of order."""
+    return replace(history, detections=(), diagnoses=(), open=None) if counts.disorder else history
+
+
 def _state(history: History, counts: RunCounts) -> str:
     """Give how a run stands, in a word."""
-    if counts.disorder:
-        return "open"
     if history.detections:
         return "fault"
     if counts.no_verdict:
@@ -217,10 +221,11 @@ def detection_sentence(detection: Detection) -> str:
     if detection.walk is not None:
         return _walk_sentence(detection, detection.walk)
     where = f" in {join(detection.signals)}" if detection.signals else ""
-    delay = duration_text(detection.time - detection.change_time)
+    delay = detection.time - detection.change_time
+    after = f"delay {duration_text(delay)}" if delay >= 0.0 else "by the clock as it was before it was set back"
     return (
         f"Fault detected at {clock_text(detection.time)}{where}; "
-        f"it began at about {clock_text(detection.change_time)} (delay {delay})."
+        f"it began at about {clock_text(detection.change_time)} ({after})."
     )
 
 
@@ -279,16 +284,14 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
     """Say in plain words what a run found."""
     if history.open is None and counts.no_verdict:
         return f"No verdict: {counts.no_verdict}."
-    if counts.disorder:
-        after = replace(counts, disorder="", no_verdict="")
-        return f"No verdict: {counts.disorder}. Of what is left: {verdict_sentence(graph, history, after, notation)}"
     if history.open is None and history.detections:
         repaired, taken = ([item for item in history.accepted if item.repaired is is_so] for is_so in (True, False))
         told = [f"Repaired: {decided_text(graph, repaired)}."] if repaired else []
         told += [f"Accepted as the new normal: {decided_text(graph, taken)}."] if taken else []
         return " ".join([*told, "No other fault was found."])
     if history.open is None:
-        return f"No fault found {_watched(graph, counts)}in {counts.samples} samples ({duration_text(_span(history))})."
+        span = duration_text(_span(graph, history, counts))
+        return f"No fault found {_watched(graph, counts)}in {counts.samples} samples ({span})."
     diagnosis = open_diagnosis(history)
     if diagnosis is None:
         return "A fault was detected; there is no diagnosis yet."
@@ -363,18 +366,33 @@ def early_sentence(graph: BondGraph, history: History) -> str:
 def _certainty(graph: BondGraph, diagnosis: Diagnosis) -> str:
     """Say how sure the best candidate is, sets that were not tested included; empty where nothing is a chance.
 
-    Where the model lets one thing be at fault at a time it is sure of that alone: of two it was not asked.
+    Where it has as many suspects as the model lets be at fault, it is sure of that alone: of one more it was not asked.
     """
     best, left = diagnosis.candidates[0], diagnosis.untested
     if not best.kinds:  # the method `classic` knows an order only
         return ""
-    sure, alone = certainty_text(best.probability), " if only one thing is at fault" if graph.max_faults == 1 else ""
+    is_largest = len(best.suspects) >= graph.max_faults and _could_be_more(graph)
+    things = "only one thing is" if graph.max_faults == 1 else f"no more than {graph.max_faults} things are"
+    sure, alone = certainty_text(best.probability), f" if {things} at fault" if is_largest else ""
     if left is None or not left.sets:
         return f", {sure}{alone}"
     if left.probability >= 1.0:
         return f", {sure} among the sets tested{alone}"
     least = certainty_text(best.probability * (1.0 - left.probability))
     return f", {sure}{alone}" if least == sure else f", at least {least}{alone}"
+
+
+def _could_be_more(graph: BondGraph) -> bool:
+    """Whether there are sets of more suspects than the model lets be at fault at a time: none of them was tested."""
+    return sum(item.suspect for item in (*graph.parameters, *graph.sensors, *graph.inputs)) > graph.max_faults
+
+
+def _not_asked(graph: BondGraph) -> str:
+    """Say that what no candidate explains may be more faults at once than the model lets be; empty where it cannot."""
+    if not _could_be_more(graph):
+        return ""
+    many = "one fault at once was" if graph.max_faults == 1 else f"{graph.max_faults} faults at once were"
+    return f" More than {many} not tested (`max_faults: {graph.max_faults}`)."
 
 
 def unexplained_sentence(found: Unexplained) -> str:
@@ -394,7 +412,7 @@ def _no_claim(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> str:
         told = f"Most likely the model is off: {name}, which counts as healthy, had to move too far, {sure}."
         return f"{told} {cure_of_walk(graph, name)}"
     if diagnosis.unexplained is not None:
-        return unexplained_sentence(diagnosis.unexplained)
+        return unexplained_sentence(diagnosis.unexplained) + _not_asked(graph)
     if diagnosis.within_accuracy <= diagnosis.candidates[0].probability:
         return ""
     sure = certainty_text(diagnosis.within_accuracy)
@@ -488,9 +506,10 @@ def remainder_text(diagnosis: Diagnosis, rows: Sequence[TableRow]) -> str:
     return f"... and {len(left)} more below {limit:g} %"
 
 
-def _span(history: History) -> float:
-    """Give the length of the recording in seconds."""
-    return float(history.time[-1] - history.time[0]) if len(history.time) else 0.0
+def _span(graph: BondGraph, history: History, counts: RunCounts) -> float:
+    """Give the length of the recording in seconds; of its samples where the clock was set back to before its start."""
+    span = float(history.time[-1] - history.time[0]) if len(history.time) else 0.0
+    return span if span >= 0.0 else counts.samples * (graph.sample_time or 0.0)
 
 
 def _joined_owners(graph: BondGraph, suspects: Sequence[Suspect]) -> str:
