@@ -14,6 +14,7 @@ from faultbond.io.grid import GridPoint, RowBlock
 from faultbond.io.grid_points import MAX_BLOCK
 from faultbond.io.memory_table import MemoryTable, Recording
 from faultbond.io.out import Out
+from faultbond.io.text_cells import TextCells
 
 FIRST = 50  # rows by which the order of a recording is judged
 
@@ -34,6 +35,11 @@ def no_time(recording: Recording) -> str:
         f"{called(recording)}: no row has a time that can be read, before the year 9999. "
         "Check the column and unit of `time`: seconds, or dates as ISO 8601, are read; ms and ns need `unit`."
     )
+
+
+def texts_of(recording: Recording) -> TextCells:
+    """Give what collects the cells of a recording that hold text where numbers belong."""
+    return TextCells("row" if isinstance(recording, MemoryTable) else "line")
 
 
 def begun(blocks: Iterator[RowBlock], recording: Recording) -> Iterator[RowBlock]:

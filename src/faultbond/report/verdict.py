@@ -58,7 +58,8 @@ class RunCounts:
 
     no_verdict: why the run says nothing about the plant; empty where it does. disorder: the same where rows are so
     much out of order that an alarm says nothing either. silent: sensors and inputs that gave no value, hardly any, or
-    none for long. hints: sentences on what else an alarm may come from, such as a wrong unit.
+    none for long. texts: what stands where numbers belong, in words. hints: sentences on what else an alarm may come
+    from, such as a wrong unit.
     """
 
     samples: int
@@ -76,6 +77,7 @@ class RunCounts:
     no_verdict: str = ""
     disorder: str = ""
     silent: tuple[Silent, ...] = ()
+    texts: tuple[str, ...] = ()
     hints: tuple[str, ...] = ()
 
     def defects(self) -> str:
@@ -159,7 +161,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
         left_out=_beside(diagnosis) if diagnosis else "",
         contradicted=diagnosis is not None and diagnosis.unexplained is not None,
         checks=check_rows(graph, diagnosis, notation) if diagnosis else (),
-        notes=_notes(counts.silent),
+        notes=_notes(counts),
     )
 
 
@@ -177,11 +179,12 @@ def _state(history: History, counts: RunCounts) -> str:
     return "partial" if unwatched(counts.silent) else "healthy"
 
 
-def _notes(silent: Sequence[Silent]) -> tuple[str, ...]:
-    """Say which sensors and inputs gave no value, and what follows."""
-    told = [f"{text[0].upper()}{text[1:]}." for text in (item.sentence(clock_text) for item in silent)]
+def _notes(counts: RunCounts) -> tuple[str, ...]:
+    """Say where text stands for a number, which sensors and inputs gave no value, and what follows."""
+    told = [item.sentence(clock_text) for item in counts.silent]
     more = len(told) - NOTES
-    return (*told[:NOTES], f"So with {more} more sensors and inputs.") if more > 1 else tuple(told)
+    told = [*told[:NOTES], f"so with {more} more sensors and inputs"] if more > 1 else told
+    return tuple(f"{text[0].upper()}{text[1:]}." for text in (*counts.texts, *told))
 
 
 def step_text(graph: BondGraph) -> str:
