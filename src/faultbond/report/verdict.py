@@ -48,6 +48,8 @@ TABLE_ROWS = 8
 NEGLIGIBLE = 0.001  # candidates below are listed only to fill the first three rows
 NAMED_SETS = 4  # candidates of a group named in a sentence
 MOVES = " (this value still moves)"
+HARDLY = 0.001  # of its value by which what is accepted changes at least
+IMPROBABLE = 0.01  # probability of what is accepted below which that is worth a word
 NOTES = 6  # sensors and inputs without a value of which a sentence each is said
 RANKED_SETS = 8  # candidates of the ranking after a rejection
 
@@ -251,7 +253,19 @@ def accepted_sentence(graph: BondGraph, accepted: Decision) -> str:
     if accepted.repaired:
         return f"Repaired at {clock_text(accepted.time)}: {told}. It is as the model file says again."
     by = " by rule" if accepted.by is Decider.RULE else ""
-    return f"Accepted{by} at {clock_text(accepted.time)}: {told}. It is the new normal."
+    return f"Accepted{by} at {clock_text(accepted.time)}: {told}. It is the new normal.{_doubt_of(accepted.candidate)}"
+
+
+def _doubt_of(accepted: Candidate) -> str:
+    """Say of what was accepted that it changes next to nothing, or that the data speak against it; mostly empty."""
+    if all(
+        item.nominal and item.rate is None and abs(item.estimate - item.nominal) < HARDLY * abs(item.nominal)
+        for item in accepted.suspects
+    ):
+        return f" It is within {100.0 * HARDLY:g} % of what was normal before, so the next alarm may be the same one."
+    if accepted.probability < IMPROBABLE and not accepted.group:
+        return " The data speak against it, so the next alarm may be the same one."
+    return ""
 
 
 def rejected_sentence(graph: BondGraph, rejected: Decision) -> str:
@@ -387,7 +401,12 @@ def _certainty(graph: BondGraph, diagnosis: Diagnosis) -> str:
 
 def _could_be_more(graph: BondGraph) -> bool:
     """Whether there are sets of more suspects than the model lets be at fault at a time: none of them was tested."""
-    return sum(item.suspect for item in (*graph.parameters, *graph.sensors, *graph.inputs)) > graph.max_faults
+    stated = [
+        *(x.suspect for x in graph.parameters),
+        *(x.suspect for x in graph.sensors),
+        *(x.suspect for x in graph.inputs),
+    ]
+    return sum(stated) > graph.max_faults
 
 
 def _not_asked(graph: BondGraph) -> str:
