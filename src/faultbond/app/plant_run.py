@@ -12,7 +12,7 @@ from faultbond.app.kept_run import Keeper, read_before, stamp_of
 from faultbond.app.method_face import Watcher
 from faultbond.app.methods import BankWatcher, build_method, prepared_bank
 from faultbond.app.plant import WatchedPlant
-from faultbond.app.rows import begun, called, no_time, portions, progress, texts_of
+from faultbond.app.rows import begun, called, no_time, pace_of, portions, progress, texts_of
 from faultbond.app.signals import Stopping
 from faultbond.app.wishes import Wanted
 from faultbond.contract.findings import History
@@ -160,8 +160,9 @@ def watch_plant(
         _pass(course, follow(portions(blocks)), grid, keeper, out, live=live)
     if not course.counts.samples:
         passed = course.counts.duplicate and before
-        raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording))
-    run = replace(run, texts=texts.sentences())
+        raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording, texts))
+    paced = () if live or before is not None else pace_of(grid, run.watcher.spec.sample_time)
+    run = replace(run, texts=(*texts.sentences(), *paced))
     return run if live or before is not None else _looked_at_again(plant, recording, run)
 
 

@@ -497,14 +497,19 @@ def ends(columns: tuple[Column, ...], *, inwards: bool) -> tuple[FloatArray, Flo
 def _no_column(column: Column, others: frozenset[str], header: list[str], title: str) -> str:
     """Say that a column is not there, or is there twice, and what is there; none that others read is meant."""
     if column.header in header:
-        return f"{title}: column {column.header!r} ({column.role}) appears {header.count(column.header)} times."
+        often = f"column {column.header!r} ({column.role}) appears {header.count(column.header)} times"
+        return f"{title}: {often}. Leave one of them."
     if all(not math.isnan(finite_number(name)) for name in header):
         return f"{title}: the first row holds numbers; it must name the columns, among them {column.header!r}."
     found = ", ".join(name[:40] for name in header[:SHOWN_COLUMNS])
     more = f" and {len(header) - SHOWN_COLUMNS} more" if len(header) > SHOWN_COLUMNS else ""
     by_lower = {name[:100].lower(): name[:100] for name in header[:1000] if name not in others}
     close = difflib.get_close_matches(column.header.lower(), by_lower, n=1)
-    advice = f"Did you mean '{by_lower[close[0]]}'?" if close else "Name it in the model file with `column`."
+    advice = (
+        f"Did you mean '{by_lower[close[0]]}'? State that as `column` in the model file."
+        if close
+        else "Name it in the model file with `column`."
+    )
     return f"{title}: no column {column.header!r} ({column.role}); found: {found}{more}. {advice}"
 
 

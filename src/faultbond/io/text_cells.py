@@ -49,6 +49,13 @@ class TextCells:
         more = len(told) - MOST
         return (*told[:MOST], f"so with {more} more columns") if more > 1 else tuple(told)
 
+    def first(self, role: str) -> str:
+        """Give the first text of what a model needs as that, with its line, to go on with; empty without one."""
+        found = next((item for item in self._first.values() if item.role == role), None)
+        return (
+            f": {self.place} {found.line} of {found.column!r} has {found.text[:SHOWN]!r}" if found is not None else ""
+        )
+
     def _sentence(self, item: TextCell) -> str:
         more = self._numbers[item.column] - 1
         is_time = item.role == "time"

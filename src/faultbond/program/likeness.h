@@ -120,7 +120,7 @@ static inline void add_advice(char *message, const char *wanted, const char *nam
     }
     text_add(message, MESSAGE_ROOM, ". Did you mean '", MESSAGE_ROOM);
     text_add(message, MESSAGE_ROOM, meant, LIKE_LETTERS);
-    text_add(message, MESSAGE_ROOM, "'?", MESSAGE_ROOM);
+    text_add(message, MESSAGE_ROOM, "'? State that as `column` in the model file.", MESSAGE_ROOM);
 }
 
 #endif

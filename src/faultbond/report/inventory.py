@@ -16,7 +16,7 @@ from faultbond.equations.evaluate import ROOT_WIDTH, SQRT_WIDTH
 from faultbond.equations.passivity import active_elements
 from faultbond.equations.sequence import Loop
 from faultbond.equations.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
-from faultbond.model.expression import rename
+from faultbond.model.expression import names, rename
 from faultbond.model.graph import BondGraph, Check, Component, Curve, Input, Parameter, Relation, Sensor, Unit, Validity
 from faultbond.model.keys import BETWEEN, BEYOND, HOLDS, NOISES_OF
 from faultbond.model.parser import to_text
@@ -160,6 +160,7 @@ def check_record(seen: Inventory) -> Record:
             | {"noise_of": NOISES_OF[item.smooth]}
             for item, known in zip(graph.inputs, spec.inputs, strict=True)
         ],
+        "unused": list(unused_inputs(graph)),
         "sensors": [
             {"name": item.name, "column": item.column, "unit": item.unit.text, "reads": to_text(item.reads)}
             | {"noise": item.noise, "noise_part": item.part, "range": [item.lower, item.upper], "suspect": item.suspect}
@@ -405,7 +406,11 @@ def _states(seen: Inventory) -> Iterator[str]:
     for store, coordinate in zip(seen.model.plant.network.states, seen.model.states, strict=True):
         start = starts.get(store.component or "")
         known = f"about where {store.source} is" if store.source else "solved from the first samples"
-        known = known if start is None else f"{start.mean:g} ± {start.sd:g} (SI)"
+        known = (
+            known
+            if start is None
+            else f"{start.mean:g} ± {start.sd:g} {unit_text(seen.graph.signal_unit(store.name).text)}".rstrip()
+        )
         estimated = "" if coordinate == store.name else f", estimated as {coordinate}"
         yield f"{store.name}{estimated}; start: {known}"
 
@@ -424,6 +429,9 @@ def _print_signals(console: Console, seen: Inventory) -> None:
         header = ("name", "column", "unit", _noise_title(graph), "settling", "a step is more than")
         shown = 4 if graph.grid is TimeGrid.NONE else len(header)  # without time nothing settles
         table(console, header[:shown], [row[:shown] for row in inputs])
+        if idle := unused_inputs(graph):
+            told = "no law, sensor or condition names it, but a recording must have its column; use it or remove it"
+            lines(console, under("unused", [f"{name}: {told}" for name in idle]))
     else:
         lines(console, [("", "none")])
     title(console, "Sensors")
@@ -440,7 +448,7 @@ def _print_signals(console: Console, seen: Inventory) -> None:
         for error, slow in zip(graph.slow_errors, spec.slow_errors, strict=True):
             if error.kind != kind:
                 continue
-            known_unit = error.unit if error.unit.text else Unit("SI")
+            known_unit = error.unit if error.unit.text else graph.signal_unit(error.target)
             size = f"{100 * error.sd:g} %" if error.relative else _spread(known_unit, error.sd)
             size += f", more after a change of {', '.join(error.after)}" if error.after else ""
             rows.append((error.target, size, duration_text(error.memory), "yes" if slow.alarms else "no"))
@@ -450,6 +458,12 @@ def _print_signals(console: Console, seen: Inventory) -> None:
     if graph.checks:
         title(console, "Checks by hand")
         table(console, ("name", "what is done", "cost"), [_check_row(item, graph) for item in graph.checks])
+
+
+def unused_inputs(graph: BondGraph) -> tuple[str, ...]:
+    """Give the inputs that no law, sensor or condition names."""
+    stated = {name for item in graph.conditions for name in names(item.condition)}
+    return tuple(item.name for item in graph.inputs if item.name not in graph.acting_inputs | stated)
 
 
 def _noise_title(graph: BondGraph) -> str:

@@ -529,9 +529,9 @@ def remainder_text(diagnosis: Diagnosis, rows: Sequence[TableRow]) -> str:
 
 
 def _span(graph: BondGraph, history: History, counts: RunCounts) -> float:
-    """Give the length of the recording in seconds; of its samples where the clock was set back to before its start."""
+    """Give the length of the recording in seconds; of its samples where the clock was set, or stood still for long."""
     span = float(history.time[-1] - history.time[0]) if len(history.time) else 0.0
-    return span if span >= 0.0 else counts.samples * (graph.sample_time or 0.0)
+    return counts.samples * graph.sample_time if counts.clock_jumps and graph.sample_time else max(span, 0.0)
 
 
 def _joined_owners(graph: BondGraph, suspects: Sequence[Suspect]) -> str:

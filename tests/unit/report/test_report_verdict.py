@@ -87,7 +87,7 @@ def test_a_clock_that_was_set_back_gives_no_time_below_none(history: History) ->
     """Where a recording ends before it begins its length is that of its samples, and no delay is told."""
     ends = np.array([30.0, 10.0])
     back = replace(history, time=ends, detections=(), diagnoses=(), open=None)
-    told = verdict_sentence(GRAPH, back, RunCounts(samples=90), Notation.FILE)
+    told = verdict_sentence(GRAPH, back, RunCounts(samples=90, clock_jumps=1), Notation.FILE)
     assert told == "No fault found in 90 samples (90 s)."
     (alarm,) = history.detections
     late = detection_sentence(replace(alarm, time=10.0, change_time=30.0))
