@@ -154,7 +154,7 @@ def test_a_person_rejects(folder: Path, capsys: pytest.CaptureFixture[str]) -> N
     told = capsys.readouterr().err
     assert told.startswith("nobody: nothing that is suspected is called so. There are R, C, ")
     assert main(["reject", str(MODEL), state, "C", "R", "V_C"]) == 2
-    assert "C, R, V_C: no hypothesis has just these components" in capsys.readouterr().err
+    assert "C, R, V_C: no candidate has just these components" in capsys.readouterr().err
 
 
 def test_what_an_open_alarm_of_before_says(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

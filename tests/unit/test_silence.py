@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from faultbond import run
 from faultbond.app.presence import HARDLY, LEAST_SILENCE, SHARE_OF_SILENCE, Presence
 from faultbond.cli import main
 from faultbond.contract.silence import SENSOR, seconds
@@ -131,15 +132,29 @@ def in_two_clocks(rows: Rows) -> Rows:
 def test_rows_out_of_order_give_no_verdict(
     edit: Any, fault: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Where many rows came too late to be used, nothing is said of the plant; the record counts them."""
+    """Where many rows came too late to be used, nothing is said of the plant, alarm or not; the record counts them."""
     rows = [[*cells[:2], "30" if fault and k > 600 else cells[2], cells[3]] for k, cells in enumerate(rows_of()[1])]
     records = str(tmp_path / "records.jsonl")
-    assert main(["run", MODEL, recording_in(tmp_path, edit(rows)), "--json", records]) == 4
+    page = tmp_path / "report.html"
+    assert main(["run", MODEL, recording_in(tmp_path, edit(rows)), "--json", records, "--report", str(page)]) == 4
     said, dropped = capsys.readouterr(), end_of(tmp_path)["dropped"]
     assert dropped > 400
     told = f"o verdict: {dropped} of 900 rows came too late to be used; sort the rows by time."
     assert f"N{told}" in " ".join(said.out.split())
     assert f"faultbond: n{told}\n" in said.err
+    for text in (said.out, page.read_text()):
+        assert not any(word in text for word in ("Fault detected", "Most likely", "Diagnosis", "Detected at"))
+
+
+def test_in_python_rows_out_of_order_name_nothing() -> None:
+    """A result without a verdict says so where it is shown, and shows no candidates, although there was an alarm."""
+    header, rows = rows_of()
+    bent = shuffled([[*cells[:2], "30" if k > 600 else cells[2], cells[3]] for k, cells in enumerate(rows)])
+    result = run(MODEL, {name: [float(row[k]) for row in bent] for k, name in enumerate(header)})
+    assert result.detection is not None
+    assert repr(result) == "<Result of 'DC motor with current': none>"
+    assert "No verdict." in result._repr_html_()
+    assert "<td>" not in result._repr_html_()
 
 
 def cut(rows: Rows) -> Rows:

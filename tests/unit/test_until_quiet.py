@@ -551,7 +551,7 @@ sensors: {level: {reads: m + z, noise: 0.1}}
     graph = parse_model(text)
     items = [Imperfection(kind=Kind.ABSOLUTE, place=name, size=0.0123, memory=39.5) for name in ("wd", "s", "z")]
     added = [Added(what=item, trained=1.0, held=1.0) for item in items]
-    assert [_added_row(graph, item)[2:4] for item in added] == [("0.0123", "kg/s"), ("0.0123", ""), ("0.0123", "SI")]
+    assert [_added_row(graph, item)[2:4] for item in added] == [("0.0123", "kg/s"), ("0.0123", ""), ("0.0123", "")]
     written = amended_text(text, graph, added)
     assert "wd: 0.013 kg/s over 40 s" in written
     assert "s: 0.013 over 40 s" in written

@@ -200,19 +200,25 @@ class Result:
         return stream.getvalue()
 
     def __repr__(self) -> str:
-        best = f", best {self.best}" if self.best is not None else ""
+        best = f", best {self.best}" if self.best is not None and self._says else ""
         return f"<Result of {self.model.name!r}: {self.verdict}{best}{told_silent(self.silent)}>"
 
     def _repr_html_(self) -> str:
-        if self.detection is None:
+        if self.detection is None or not self._says:
             notes = [self.no_verdict, *(item.sentence(seconds) for item in self.silent)]
-            told = " ".join(["No fault detected.", *(f"{note[0].upper()}{note[1:]}." for note in notes if note)])
+            first = "No fault detected." if self._says else "No verdict."
+            told = " ".join([first, *(f"{note[0].upper()}{note[1:]}." for note in notes if note)])
         else:
             found = self.detection
             told = f"Fault detected at {found.time:.9g} s in {', '.join(found.signals)}; it began at about "
             told += f"{found.change_time:.9g} s."
         head = f"<p><b>{escape(self.model.name)}</b>: {escape(told)}</p>"
-        return head + table_html(self.candidates, SHOWN)
+        return head + table_html(self.candidates if self._says else (), SHOWN)
+
+    @property
+    def _says(self) -> bool:
+        """Whether an alarm, or that there is none, says anything of the plant."""
+        return self.of_run.verdict is not Verdict.NONE
 
 
 def told_verdict(verdict: Verdict, silent: Sequence[Silent]) -> str:

@@ -243,7 +243,10 @@ class Course:
         if self._lost:
             return "the filter lost the plant again and again; check units, noise and accuracies in the model file"
         silent = [item.name for item, n in zip(spec.outputs, self._sensors.values, strict=True) if not n]
-        if silent and self._sensors.values.any():
+        if silent and not self._sensors.values.any():
+            which = f"the sensor {silent[0]}" if len(silent) == 1 else f"any sensor, such as {silent[0]}"
+            return f"no row has a value of {which}; check the column"
+        if silent:
             return f"no row has a value of the sensor {silent[0]}, and the start still waited for one"
         return "no row has a value of a sensor that is in use once the alarms are on"
 

@@ -15,7 +15,7 @@ from faultbond.app.engine import build_watcher
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.app.model_check import write
 from faultbond.app.presence import silent_of
-from faultbond.app.rows import no_time, sample_of
+from faultbond.app.rows import no_time, pace_of, sample_of, texts_of
 from faultbond.app.section import Section
 from faultbond.app.signals import SIGNALLED
 from faultbond.app.wishes import FitWishes
@@ -228,7 +228,7 @@ def tried(
 
 
 def read_points(graph: BondGraph, recording: Recording, warn: Callable[[str], None] = _silent) -> list[Sample]:
-    """Give the grid points of a recording; `warn` is told which sensors and inputs gave hardly a value.
+    """Give the grid points of a recording; `warn` is told which columns hold text, or gave hardly a value.
 
     Raises
     ------
@@ -236,10 +236,13 @@ def read_points(graph: BondGraph, recording: Recording, warn: Callable[[str], No
         Where it cannot be read or has no row with a time.
     """
     grid = Grid(graph.sample_time, steady=True, row_time=graph.row_time, held=graph.held_inputs)
-    points = [sample_of(point) for point in on_grid(read_rows(recording, columns_of(graph)), grid)]
+    texts = texts_of(recording)
+    points = [sample_of(point) for point in on_grid(read_rows(recording, columns_of(graph), texts), grid)]
     if not points:
-        raise RecordingError(no_time(recording))
+        raise RecordingError(no_time(recording, texts))
     refuse_disorder(grid, recording)
+    for told in (*texts.sentences(), *pace_of(grid, graph.sample_time)):
+        warn(f"{recording}: {told}.")
     _warn_of_silence(graph, recording, points, warn)
     return points
 

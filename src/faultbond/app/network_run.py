@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from importlib.metadata import version
 from math import nan
@@ -11,6 +11,7 @@ from typing import TextIO
 
 import numpy as np
 
+from faultbond.app.rows import texts_of
 from faultbond.app.signals import Stopping
 from faultbond.app.wishes import Wanted
 from faultbond.contract.findings import Detection, Diagnosis
@@ -52,13 +53,15 @@ class _Ending:
 class NetworkRun:
     """A run on a network without time that is over; there is nothing in it to draw.
 
-    diagnosis: the last one, with all smallest diagnoses of all rows since the detection.
+    diagnosis: the last one, with all smallest diagnoses of all rows since the detection. texts: what the recording has
+    where numbers belong, in words.
     """
 
     _about: _Network
     _end: _Ending
     detection: Detection | None = None
     diagnosis: Diagnosis | None = None
+    texts: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -80,6 +83,8 @@ class NetworkRun:
     def tell(self, report: Path | None, out: Out) -> None:
         """Print what was found, where somebody reads it; of a report, see `refuse_report`."""
         refuse_report(report, self._about.name)
+        for told in self.texts:
+            out.warn(f"{told}.")
         if self.no_verdict and not (out.text is not None and out.text.isatty()):  # there the text says it
             sys.stderr.write(f"faultbond: no verdict: {self.no_verdict}.\n")
         if out.text is not None:
@@ -135,12 +140,12 @@ def watch_static(graph: BondGraph, recording: Recording, *, wanted: Wanted, out:
     refuse_report(wanted.report, graph.file)
     from faultbond.networks.detection import watch  # noqa: PLC0415 - loads sympy and clingo
 
-    stopping = Stopping()
+    stopping, texts = Stopping(), texts_of(recording)
     grid, last, watched = Grid(None, live=str(recording) == STANDARD_INPUT, steady=True), nan, 0
 
     def points() -> Iterator[GridPoint]:
         nonlocal last, watched
-        rows = stopping.between(read_rows(recording, columns_of(graph)))
+        rows = stopping.between(read_rows(recording, columns_of(graph), texts))
         for point in on_grid(rows, grid):
             out.settle()
             last, watched = point.time, watched + bool(np.isfinite(point.y).any())
@@ -155,7 +160,8 @@ def watch_static(graph: BondGraph, recording: Recording, *, wanted: Wanted, out:
         name=graph.name, sha256=graph.sha256, sensors=tuple(item.name for item in graph.sensors), graph=graph
     )
     with stopping:
-        return _pass(about, watch(graph, points()), ending, wanted.method, out)
+        run = _pass(about, watch(graph, points()), ending, wanted.method, out)
+    return replace(run, texts=texts.sentences())
 
 
 def _pass(

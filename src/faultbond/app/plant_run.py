@@ -12,7 +12,7 @@ from faultbond.app.kept_run import Keeper, read_before, stamp_of
 from faultbond.app.method_face import Watcher
 from faultbond.app.methods import BankWatcher, build_method, prepared_bank
 from faultbond.app.plant import WatchedPlant
-from faultbond.app.rows import begun, called, no_time, portions, progress
+from faultbond.app.rows import begun, called, no_time, pace_of, portions, progress, texts_of
 from faultbond.app.signals import Stopping
 from faultbond.app.wishes import Wanted
 from faultbond.contract.findings import History
@@ -35,6 +35,7 @@ class PlantRun:
     """A run on a plant in time that is over.
 
     trace: what it saw, None where nobody asked for it. hints: sentences on what else an alarm may come from.
+    texts: what the recording has where numbers belong, in words.
     """
 
     plant: WatchedPlant
@@ -42,6 +43,7 @@ class PlantRun:
     course: Course
     trace: Trace | None
     hints: tuple[str, ...] = ()
+    texts: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -61,6 +63,8 @@ class PlantRun:
     def tell(self, report: Path | None, out: Out) -> None:
         """Say what was found, and on standard error what was not watched, where the text is not seen."""
         if not (out.text is not None and out.text.isatty()):
+            for told in self.texts:
+                sys.stderr.write(f"faultbond: {told}.\n")
             for item in self.silent:
                 sys.stderr.write(f"faultbond: {item.sentence(seconds)}.\n")
             for told in self.hints:
@@ -123,6 +127,7 @@ class PlantRun:
             no_verdict=self.no_verdict,
             disorder=course.disorder if self.verdict is Verdict.NONE else "",
             silent=self.silent,
+            texts=self.texts,
             hints=self.hints,
         )
 
@@ -140,7 +145,8 @@ def watch_plant(
     stamp = stamp_of(wanted.state)
     before = read_before(wanted.state, plant.graph, wanted.method) if wanted.state is not None else None
     live = str(recording) == STANDARD_INPUT
-    blocks = read_blocks(recording, columns_after(plant, before))
+    texts = texts_of(recording)
+    blocks = read_blocks(recording, columns_after(plant, before), texts)
     if not live:
         blocks = begun(blocks, recording)  # a wrong file is refused before the engine is built
     with progress(recording, out) as follow:
@@ -154,12 +160,14 @@ def watch_plant(
         _pass(course, follow(portions(blocks)), grid, keeper, out, live=live)
     if not course.counts.samples:
         passed = course.counts.duplicate and before
-        raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording))
+        raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording, texts))
+    paced = () if live or before is not None else pace_of(grid, run.watcher.spec.sample_time)
+    run = replace(run, texts=(*texts.sentences(), *paced))
     return run if live or before is not None else _looked_at_again(plant, recording, run)
 
 
 def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -> PlantRun:
-    """Give a run with what else its alarm may come from: other units, or an operation that was never seen."""
+    """Give a run with what else its alarm may come from: a sign, other units, an operation that was never seen."""
     watcher, alarm = run.watcher, run.course.found.open
     if not isinstance(watcher, BankWatcher) or alarm is None or run.verdict is not Verdict.FAULT:
         return run
@@ -168,6 +176,7 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
 
     from faultbond.app.unfamiliar import unfamiliar_inputs, unfamiliar_sentence  # noqa: PLC0415 - after an alarm only
     from faultbond.app.unit_guess import guess_units, sentence_of  # noqa: PLC0415 - loads the units
+    from faultbond.report.doubts import active_sentence  # noqa: PLC0415 - after an alarm only
 
     def points() -> Iterator[PointBlock]:
         return _points(read_blocks(recording, plant.columns), new_grid(watcher.spec, live=False))
@@ -175,7 +184,7 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
     with suppress(RecordingError):  # it was read before: what has become of it since is no matter of this run
         told = sentence_of(guess_units(iter(watcher.anew, None), points(), alarm))
         stood = unfamiliar_sentence(unfamiliar_inputs(plant.graph, points(), alarm))
-        return replace(run, hints=tuple(filter(None, (told, stood))))
+        return replace(run, hints=tuple(filter(None, (active_sentence(plant.graph), told, stood))))
     return run
 
 

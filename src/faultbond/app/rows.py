@@ -10,11 +10,13 @@ from time import monotonic
 from faultbond.contract.samples import Sample
 from faultbond.errors import RecordingError
 from faultbond.io.files import STANDARD_INPUT
-from faultbond.io.grid import GridPoint, RowBlock
+from faultbond.io.grid import Grid, GridPoint, RowBlock
 from faultbond.io.grid_points import MAX_BLOCK
 from faultbond.io.memory_table import MemoryTable, Recording
 from faultbond.io.out import Out
+from faultbond.io.text_cells import TextCells
 
+FEW = 10  # rows of whose pace nothing is said
 FIRST = 50  # rows by which the order of a recording is judged
 
 QUICK, SLOW = 0.05, 0.1  # s; rows that take less are passed on in larger portions, those that take more in smaller
@@ -28,12 +30,32 @@ def called(recording: Recording) -> str:
     return "standard input" if str(recording) == STANDARD_INPUT else str(recording)
 
 
-def no_time(recording: Recording) -> str:
-    """Say that a recording has no time."""
+def no_time(recording: Recording, texts: TextCells | None = None) -> str:
+    """Say that a recording has no time, and what stands in its place."""
+    told = texts.first("time") if texts is not None else ""
     return (
-        f"{called(recording)}: no row has a time that can be read, before the year 9999. "
+        f"{called(recording)}: no row has a time that can be read, before the year 9999{told}. "
         "Check the column and unit of `time`: seconds, or dates as ISO 8601, are read; ms and ns need `unit`."
     )
+
+
+def texts_of(recording: Recording) -> TextCells:
+    """Give what collects the cells of a recording that hold text where numbers belong."""
+    return TextCells("row" if isinstance(recording, MemoryTable) else "line")
+
+
+def pace_of(grid: Grid, step: float | None) -> tuple[str, ...]:
+    """Say that most rows stand closer, or most farther apart, than samples do, s; nothing where neither is so."""
+    counts, n = grid.counts, grid.n_rows
+    if not step or n < FEW:
+        return ()
+    if 2 * counts.unused > n:
+        what = f"{counts.unused} of {n} rows were not used: they are closer than sample_time, {step:g} s"
+    elif 2 * n < counts.samples and not counts.clock_jumps and not grid.n_again and not grid.n_dropped:
+        what = f"there are {n} rows for {counts.samples} samples: they are farther apart than sample_time, {step:g} s"
+    else:
+        return ()
+    return (f"{what}; if that is not meant, check it and the unit of `time`",)
 
 
 def begun(blocks: Iterator[RowBlock], recording: Recording) -> Iterator[RowBlock]:

@@ -75,7 +75,8 @@ def simulate(
     out.say(f"{output}: {rows} rows, {times[0]:.9g} s to {times[-1]:.9g} s{drawn}{quiet}")
     for name, value in begin.items():
         source = "as given" if name in start else f"solved from the first rows of {inputs}"
-        out.say(f"start of {name}: {value:.6g} (SI), {source}")
+        unit = found.graph.signal_unit(name).text
+        out.say(f"start of {name}: {f'{value:.6g} {unit}'.rstrip()}, {source}")
     if held:
         out.say(f"{held} samples lacked an input: its last value was held")
 
@@ -182,7 +183,8 @@ def start_of(graph: BondGraph, points: Sequence[GridPoint]) -> dict[str, float]:
 
     model = build_model(graph)
     stores = model.plant.network.states
-    if not points or all(store.component in known for store in stores):
+    is_seen = any(np.isfinite(point.y).any() for point in points)
+    if not is_seen or all(store.component in known for store in stores):
         return {}
     _, core = build_engine(graph)
     monitor = Monitor(core)

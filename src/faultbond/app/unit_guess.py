@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.app.method_face import Watcher
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Detection
 from faultbond.contract.samples import STATUSES, Samples, Status
 from faultbond.contract.spec import EngineSpec
@@ -105,6 +106,8 @@ def guess_units(watchers: Iterator[Watcher], points: Iterable[PointBlock], alarm
     begin = _beginning(points, alarm.sample + QUIET)
     if len(begin) < alarm.sample + LEAST:
         return ()
+    if any(_is_stuck(begin.y[:, k]) for k, item in enumerate(watcher.spec.outputs) if item.name in alarm.signals):
+        return ()  # what stands is no matter of units
     found = []
     for other in _others(watcher.spec, alarm.signals, len(begin)):
         u, y = begin.u.copy(), begin.y.copy()
@@ -129,6 +132,12 @@ def _beginning(points: Iterable[PointBlock], last: int) -> Samples:
     ends = np.flatnonzero((index > last) | resumes)
     end = int(ends[0]) if len(ends) else len(index)
     return Samples(**{name: values[:end] for name, values in arrays.items()})
+
+
+def _is_stuck(readings: FloatArray) -> bool:
+    """Whether a sensor (n,) gave the same value again and again."""
+    told = readings[np.isfinite(readings)]
+    return len(told) > LEAST and bool(np.ptp(told) == 0.0)
 
 
 def _is_quiet(watcher: Watcher, samples: Samples) -> bool:

@@ -18,6 +18,7 @@ from faultbond.io.files import STANDARD_INPUT
 
 MAX_LINE = 200_000  # characters
 READ_AHEAD = 2**17  # characters
+NO_TEXT = "this is not text in UTF-8. Recordings are CSV or Parquet files; export a spreadsheet as CSV."
 MAX_RECORD_LINES = 100  # a quoted text may hold line breaks
 
 
@@ -113,7 +114,7 @@ class Lines:
         if len(line) >= MAX_LINE:
             raise RecordingError(f"{where}: a line of more than {MAX_LINE:,} characters is no row of a recording.")
         if "\0" in line:
-            raise RecordingError(f"{where}: this is not text. Recordings are CSV or Parquet files.")
+            raise RecordingError(f"{where}: {NO_TEXT}")
         return line
 
     def put_back(self, lines: Sequence[str]) -> None:
@@ -149,7 +150,7 @@ def delimiter_of(lines: Lines, title: str) -> str:
     Raises
     ------
     RecordingError
-        Where this is not text.
+        Where this is not text in UTF-8.
     """
     head: list[str] = []
     for line in lines:
@@ -158,7 +159,7 @@ def delimiter_of(lines: Lines, title: str) -> str:
             break
     first = head[-1] if head else ""
     if first.count("\ufffd") > len(first) // 10:
-        raise RecordingError(f"{title}:{len(head)}: this is not text. Recordings are CSV or Parquet files.")
+        raise RecordingError(f"{title}:{len(head)}: {NO_TEXT}")
     lines.put_back(head)
     return max(",;\t", key=first.count)
 

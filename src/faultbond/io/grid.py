@@ -460,7 +460,7 @@ class Grid:
     def repeats_times(self) -> bool:
         """Whether most rows have the time of another one, and the others are too few for the grid, if there is one."""
         usual, step = self._interval() or self._usual, self._step
-        return 2 * self.n_again > self.n_rows and (step is None or usual > GAP * step)
+        return 2 * self.n_again > self.n_rows and (step is None or usual > GAP * step or not usual)
 
     def _interval(self) -> float:
         """Give the mean interval of the last rows; 0 as long as they are few."""

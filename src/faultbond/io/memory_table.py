@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from faultbond.arrays import FloatArray
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import RecordingError
 from faultbond.io.arrow import ArrowTable
 from faultbond.io.times import WITH_COMMA, finite_number, moment_of
@@ -51,6 +51,13 @@ class MemoryTable:
             shape = "one value" if found.ndim == 0 else f"an array of shape {found.shape}"
             raise RecordingError(f"{self}: column {name!r} is {shape}. Give one value for each row.")
         return found
+
+    def texts(self, name: str, without: BoolArray) -> list[tuple[int, str]]:
+        """Give the texts among the rows (n_rows,) of a column that have no number, each with its row, from 1."""
+        values = self.column(name)
+        if values.dtype.kind not in "OU":
+            return []
+        return [(int(k) + 1, str(values[k])) for k in np.flatnonzero(without) if isinstance(values[k], str)]
 
     def numbers(self, name: str, role: str, unit: Unit) -> FloatArray:
         """Give a column in SI, (n_rows,), nan where there is no value.

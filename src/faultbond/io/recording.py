@@ -21,6 +21,7 @@ from faultbond.io.csv_text import MAX_LINE, Lines, Pieces, delimiter_of, opened_
 from faultbond.io.files import STANDARD_INPUT, replaced_text
 from faultbond.io.memory_table import MemoryTable, Recording
 from faultbond.io.row_block import Row, RowBlock, block_of_rows
+from faultbond.io.text_cells import TextCells
 from faultbond.io.times import WITH_COMMA, finite_number, moment_of
 from faultbond.model.graph import BondGraph, Input, Sensor, TimeColumn, Unit
 
@@ -82,43 +83,46 @@ def columns_of(graph: BondGraph, *, sensors: bool = True) -> Columns:
     )
 
 
-def read_rows(source: Recording, columns: Columns) -> Iterator[Row]:
+def read_rows(source: Recording, columns: Columns, texts: TextCells | None = None) -> Iterator[Row]:
     """Give the rows of a recording in SI as they stand, one by one.
 
     Parameters
     ----------
     source : path of a CSV or Parquet file; `-` is CSV on standard input; or a table
     columns : what to read and in which units
+    texts : is given the cells that hold text where numbers belong
 
     Raises
     ------
     RecordingError
         When the file cannot be read, is no table, lacks a column, or has numbers with decimal commas.
     """
+    texts = texts or TextCells()
     if isinstance(source, MemoryTable):
-        return (block.row(k) for block in _table_blocks(source, columns) for k in range(len(block)))
+        return (block.row(k) for block in _table_blocks(source, columns, texts) for k in range(len(block)))
     if str(source) == STANDARD_INPUT:
-        return _rows(_csv_records(source, "standard input"), columns, "standard input")
+        return _rows(_csv_records(source, "standard input"), columns, "standard input", texts)
     parquet = _is_parquet(Path(source))
     records = _parquet_records(Path(source), columns) if parquet else _csv_records(source, str(source))
-    return _rows(records, columns, str(source))
+    return _rows(records, columns, str(source), texts)
 
 
-def read_blocks(source: Recording, columns: Columns) -> Iterator[RowBlock]:
+def read_blocks(source: Recording, columns: Columns, texts: TextCells | None = None) -> Iterator[RowBlock]:
     """Give the same rows in blocks: of a CSV file some thousand at once, of standard input what is there.
 
     Of a table all, of all else, which may be slow, single ones.
 
     Rows before an error come before it. Parameters and errors are those of `read_rows`.
     """
+    texts = texts or TextCells()
     if isinstance(source, MemoryTable):
-        return _table_blocks(source, columns)
+        return _table_blocks(source, columns, texts)
     path = Path(source)
     if str(source) == STANDARD_INPUT:
-        return _csv_blocks(source, columns, "standard input")
+        return _csv_blocks(source, columns, "standard input", texts)
     if not path.is_file() or _is_parquet(path):
-        return (block_of_rows([row]) for row in read_rows(source, columns))
-    return _csv_blocks(path, columns, str(path))
+        return (block_of_rows([row]) for row in read_rows(source, columns, texts))
+    return _csv_blocks(path, columns, str(path), texts)
 
 
 def write_recording(path: str | Path, columns: Mapping[str, FloatArray], *, digits: int | None = 15) -> None:
@@ -159,7 +163,7 @@ def row_reader(columns: Columns, header: Sequence[str], title: str) -> Callable[
     RecordingError
         Where the header lacks a column.
     """
-    layout = _Layout(columns, header, title)
+    layout = _Layout(columns, header, title, TextCells())
     return lambda count, values: layout.row(count, count, values)
 
 
@@ -171,6 +175,7 @@ class _Layout:
     columns : what to read
     header : the first record of the recording
     title : its name, for messages
+    texts : is given the cells that hold text where numbers belong
 
     Raises
     ------
@@ -178,7 +183,7 @@ class _Layout:
         Where a column is not there, or is there twice.
     """
 
-    def __init__(self, columns: Columns, header: Sequence[object], title: str) -> None:
+    def __init__(self, columns: Columns, header: Sequence[object], title: str, texts: TextCells) -> None:
         self.header = [str(name).strip() for name in header]
         if not any(self.header):
             raise RecordingError(f"{title}: it is empty. The first row must name the columns.")
@@ -187,8 +192,10 @@ class _Layout:
             if self.header.count(column.header) != 1:
                 others = frozenset(item.header for item in needed if item is not column)
                 raise RecordingError(_no_column(column, others, self.header, title))
-        self._columns, self._title = columns, title
-        self._clock = self.header.index(needed[0].header) if needed and needed[0].role == "time" else None
+        self._columns, self._title, self._texts = columns, title, texts
+        clock = needed[:1] if needed and needed[0].role == "time" else ()
+        self._needed = (*clock, *columns.inputs, *columns.outputs)  # in the order in which they are looked at
+        self._clock = self.header.index(clock[0].header) if clock else None
         inputs, outputs = columns.inputs, columns.outputs
         self._inputs, self._outputs = ([self.header.index(item.header) for item in of] for of in (inputs, outputs))
         self._lowest, self._highest = ends(outputs, inwards=True)
@@ -214,11 +221,15 @@ class _Layout:
             moment = moment_of(_field(values, clock), columns.time.unit)
         u, y = _numbers(values, self._inputs, columns.inputs), _numbers(values, self._outputs, columns.outputs)
         if math.isnan(moment) or np.isnan(u).any() or np.isnan(y).any():
-            for k in (*(() if clock is None else (clock,)), *self._inputs, *self._outputs):
+            places = (*(() if clock is None else (clock,)), *self._inputs, *self._outputs)
+            found = (*(() if clock is None else (moment,)), *u, *y)
+            for k, item, value in zip(places, self._needed, found, strict=True):
                 text = _field(values, k)
                 if isinstance(text, str) and WITH_COMMA.fullmatch(text):  # it would pass for a missing value
-                    found = f"{header[k]!r} is {text.strip()!r}"
-                    raise RecordingError(f"{where}: {found}. Decimal commas? Write numbers with a point.")
+                    wrong = f"{header[k]!r} is {text.strip()!r}"
+                    raise RecordingError(f"{where}: {wrong}. Decimal commas? Write numbers with a point.")
+                if math.isnan(value):
+                    self._texts.add(item.header, item.role, line, text)
         saturated, beyond = (y <= self._lowest) | (y >= self._highest), (u < self._least) | (u > self._most)
         y[saturated], u[beyond] = math.nan, math.nan
         return Row(time=moment, u=u, y=y, saturated=int(saturated.sum() + beyond.sum()), line=line)
@@ -252,6 +263,9 @@ class _Layout:
             strange = np.flatnonzero(np.isnan(time) | np.isnan(values).any(axis=1))
             if any("," in fields[place][k] for k in strange for place in places):
                 return None
+            lost = np.isnan(numbers) if self._clock is None else np.column_stack([np.isnan(time), np.isnan(values)])
+            for k, j in np.argwhere(lost):
+                self._texts.add(self._needed[j].header, self._needed[j].role, line + int(k), fields[places[j]][k])
         return self._judged(time, values, line)
 
     def table(self, table: MemoryTable) -> RowBlock:
@@ -268,6 +282,8 @@ class _Layout:
         moments = [table.moments(item.header, item.role, item.unit) for item in clock]
         n = next((len(values) for values in (*moments, *every)), 0)
         for item, values in zip((*clock, *columns.inputs, *columns.outputs), (*moments, *every), strict=True):
+            for row, text in table.texts(item.header, np.isnan(values)):
+                self._texts.add(item.header, item.role, row, text)
             if len(values) != n:
                 counts = f"column {item.header!r} has {len(values)} values, others {n}"
                 raise RecordingError(f"{self._title}: {counts}. Give one value for each row.")
@@ -297,9 +313,11 @@ def _plain_numbers(lines: Sequence[str], delimiter: str, places: Sequence[int]) 
     return found[:, back] if len(found) == len(lines) else None
 
 
-def _rows(records: Iterator[tuple[int, Sequence[object]]], columns: Columns, title: str) -> Iterator[Row]:
+def _rows(
+    records: Iterator[tuple[int, Sequence[object]]], columns: Columns, title: str, texts: TextCells
+) -> Iterator[Row]:
     """Turn records into rows; the first record is the header."""
-    layout = _Layout(columns, next(records, (0, ()))[1], title)
+    layout = _Layout(columns, next(records, (0, ()))[1], title, texts)
     count = 0
     for count, (line, values) in enumerate(records, start=1):
         yield layout.row(count, line, values)
@@ -311,15 +329,15 @@ def _no_row(title: str) -> str:
     return f"{title}: there is no row below the header."
 
 
-def _table_blocks(table: MemoryTable, columns: Columns) -> Iterator[RowBlock]:
+def _table_blocks(table: MemoryTable, columns: Columns, texts: TextCells) -> Iterator[RowBlock]:
     """Turn a table in memory into rows, all at once."""
-    yield _Layout(columns, table.names, str(table)).table(table)
+    yield _Layout(columns, table.names, str(table), texts).table(table)
 
 
-def _csv_blocks(source: str | Path, columns: Columns, title: str) -> Iterator[RowBlock]:
+def _csv_blocks(source: str | Path, columns: Columns, title: str, texts: TextCells) -> Iterator[RowBlock]:
     """Turn CSV text into rows, many lines at a time where each of them is a plain record."""
     with reading(title), opened_text(source) as stream:
-        body = _Body(Lines(stream, title), columns, title)
+        body = _Body(Lines(stream, title), columns, title, texts)
         yield from body.blocks()
         if body.count == 0:
             raise RecordingError(_no_row(title))
@@ -328,10 +346,10 @@ def _csv_blocks(source: str | Path, columns: Columns, title: str) -> Iterator[Ro
 class _Body:
     """The records below the header of a CSV text. count: how many were passed."""
 
-    def __init__(self, lines: Lines, columns: Columns, title: str) -> None:
+    def __init__(self, lines: Lines, columns: Columns, title: str, texts: TextCells) -> None:
         self.lines, self.count, self._title = lines, 0, title
         self._delimiter = delimiter_of(lines, title)
-        self._layout = _Layout(columns, next(records_in(lines, self._delimiter, title), (0, ()))[1], title)
+        self._layout = _Layout(columns, next(records_in(lines, self._delimiter, title), (0, ()))[1], title, texts)
 
     def blocks(self) -> Iterator[RowBlock]:
         """Give the rows up to the end of the text; those before an error come before it."""
@@ -414,7 +432,7 @@ class RowFeed:
         if self._body is None:
             if not text.strip():  # empty lines before the header
                 return []
-            self._body = _Body(self._lines, self._columns, self._title)
+            self._body = _Body(self._lines, self._columns, self._title, TextCells())
         found: list[RowBlock] = []
         while not self._is_done(self._body, found):
             self.refused += 1
@@ -479,14 +497,19 @@ def ends(columns: tuple[Column, ...], *, inwards: bool) -> tuple[FloatArray, Flo
 def _no_column(column: Column, others: frozenset[str], header: list[str], title: str) -> str:
     """Say that a column is not there, or is there twice, and what is there; none that others read is meant."""
     if column.header in header:
-        return f"{title}: column {column.header!r} ({column.role}) appears {header.count(column.header)} times."
+        often = f"column {column.header!r} ({column.role}) appears {header.count(column.header)} times"
+        return f"{title}: {often}. Leave one of them."
     if all(not math.isnan(finite_number(name)) for name in header):
         return f"{title}: the first row holds numbers; it must name the columns, among them {column.header!r}."
     found = ", ".join(name[:40] for name in header[:SHOWN_COLUMNS])
     more = f" and {len(header) - SHOWN_COLUMNS} more" if len(header) > SHOWN_COLUMNS else ""
     by_lower = {name[:100].lower(): name[:100] for name in header[:1000] if name not in others}
     close = difflib.get_close_matches(column.header.lower(), by_lower, n=1)
-    advice = f"Did you mean '{by_lower[close[0]]}'?" if close else "Name it in the model file with `column`."
+    advice = (
+        f"Did you mean '{by_lower[close[0]]}'? State that as `column` in the model file."
+        if close
+        else "Name it in the model file with `column`."
+    )
     return f"{title}: no column {column.header!r} ({column.role}); found: {found}{more}. {advice}"
 
 

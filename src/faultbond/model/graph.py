@@ -433,6 +433,10 @@ class BondGraph:
         used = {name for side in (*sides, *(item.reads for item in self.sensors)) for name in names(side)}
         return frozenset(item.name for item in self.inputs if item.name in used)
 
+    def signal_unit(self, name: str) -> Unit:
+        """Give the SI unit of a signal or a state of a law; one without a text where laws and units fix none."""
+        return Unit(dict(self.signal_units).get(name, ""))
+
     def parameter(self, name: str) -> Parameter:
         """Give the parameter of that name; KeyError if there is none."""
         return {item.name: item for item in self.parameters}[name]

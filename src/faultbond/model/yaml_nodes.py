@@ -49,6 +49,12 @@ def read_yaml(text: str, source: Source) -> Table:
         mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
         problem = str(getattr(error, "problem", None) or getattr(error, "reason", None) or "cannot be read")
         line, advice = int(mark.line) + 1 if mark else 0, "check indentation, quotes and brackets"
+        if (
+            "cannot start any token" in problem
+            and mark is not None
+            and text.split("\n")[mark.line].lstrip(" ")[:1] == "\t"
+        ):
+            problem, advice = "a tab begins the line", "indent with blanks"
         raise source.error(line, f"not YAML: {shown(problem)}; {advice}") from None
     except (ValueError, OverflowError, RecursionError):
         raise source.error(0, "not YAML: an escape in a quoted text cannot be read; write plain text") from None

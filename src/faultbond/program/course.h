@@ -237,7 +237,10 @@ static int no_verdict(const Course *course, int64_t samples, char reason[REASON_
     else if (course->lost)
         snprintf(reason, REASON_ROOM,
                  "the filter lost the plant again and again; check units, noise and accuracies in the model file");
-    else if (*silent && any_value(values, N_OUTPUTS))
+    else if (*silent && !any_value(values, N_OUTPUTS))
+        snprintf(reason, REASON_ROOM, "no row has a value of %s %s; check the column",
+                 N_OUTPUTS == 1 ? "the sensor" : "any sensor, such as", silent);
+    else if (*silent)
         snprintf(reason, REASON_ROOM, "no row has a value of the sensor %s, and the start still waited for one", silent);
     else
         snprintf(reason, REASON_ROOM, "no row has a value of a sensor that is in use once the alarms are on");

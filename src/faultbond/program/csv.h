@@ -136,7 +136,7 @@ static inline int csv_is_text(const Csv *csv, size_t from, size_t stop, int64_t 
         return 0;
     }
     if (memchr(line, '\0', stop - from) != NULL) {
-        (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: this is not text. Recordings are CSV or Parquet files.", CSV_TITLE,
+        (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: this is not text in UTF-8. Recordings are CSV or Parquet files; export a spreadsheet as CSV.", CSV_TITLE,
                        (long long)number);
         return 0;
     }
@@ -282,7 +282,7 @@ static inline int csv_find_delimiter(Csv *csv, char *message)
         size_t n_strange = 0;
         for (const char *at = line; at < end;) n_strange += text_letter(&at) == TEXT_REPLACED;
         if (n_strange > csv_length(csv, csv->begin, stop) / 10) {
-            (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: this is not text. Recordings are CSV or Parquet files.", CSV_TITLE,
+            (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: this is not text in UTF-8. Recordings are CSV or Parquet files; export a spreadsheet as CSV.", CSV_TITLE,
                            (long long)csv->lines + 1);
             return CSV_ERROR;
         }

@@ -5,9 +5,12 @@
 #define WATCH_DECISION_H
 
 #include "keep.h"
+#include "likeness.h"
 
 #define MOST_NAMES 32 /* that a person gives */
-#define LISTED 12     /* candidates in a message */
+#define LISTED 24     /* names in a message */
+#define MOST_KNOWN 4096 /* names of the model that are looked at */
+#define COUNT_OF(table) (sizeof table / sizeof *table)
 
 enum { DECIDE_NOTHING, DECIDE_ACCEPT, DECIDE_REPAIRED, DECIDE_REJECT };
 
@@ -44,15 +47,49 @@ static int are_names(const Decision *decision, const Candidate *candidate, Namin
     return all;
 }
 
-/* List the first candidates by the names by which they are decided of. */
-static void list_candidates(const Diagnosis *found)
+/* The names that a suspect may be called by, each once. */
+typedef struct {
+    const char *names[MOST_KNOWN];
+    int n;
+} Known;
+
+static void add_known(Known *known, const char *name)
 {
-    for (int64_t k = 0; k < found->n_candidates && k < LISTED; k++) {
-        const Candidate *candidate = &found->candidates[k];
-        for (int64_t i = 0; i < candidate->n_suspects; i++)
-            fprintf(stderr, "%s%s", i ? " " : k ? ", " : "", called_of(&candidate->suspects[i]));
+    if (*name != '\0' && known->n < MOST_KNOWN && !is_among(name, known->names, known->n)) known->names[known->n++] = name;
+}
+
+static void add_all_known(Known *known)
+{
+    known->n = 0;
+    for (size_t k = 0; k < COUNT_OF(PARAMETER_NAMES); k++) {
+        add_known(known, PARAMETER_COMPONENTS[k]);
+        add_known(known, PARAMETER_NAMES[k]);
     }
-    fprintf(stderr, found->n_candidates > LISTED ? " and others.\n" : ".\n");
+    for (size_t k = 0; k < COUNT_OF(OUTPUT_NAMES); k++) add_known(known, OUTPUT_NAMES[k]);
+    for (size_t k = 0; k < COUNT_OF(INPUT_NAMES); k++) add_known(known, INPUT_NAMES[k]);
+}
+
+/* Say which names are nobody's, and which are meant, or which there are; 0 where all are somebody's. */
+static int tell_strange(const Decision *decision)
+{
+    static Known known;
+    const char *alike[MOST_NAMES];
+    int n_strange = 0, n_alike = 0;
+    add_all_known(&known);
+    for (int k = 0; k < decision->n_names; k++) {
+        const char *const name = decision->names[k];
+        if (is_among(name, known.names, known.n)) continue;
+        fprintf(stderr, "%s%s", n_strange++ ? ", " : "", name);
+        const char *const meant = most_alike(name, known.names, known.n);
+        if (meant != NULL) alike[n_alike++] = meant;
+    }
+    if (!n_strange) return 0;
+    fprintf(stderr, ": nothing that is suspected is called so. %s ", n_alike ? "Did you mean" : "There are");
+    for (int k = 0; k < n_alike; k++) fprintf(stderr, "%s%s", k ? " and " : "", alike[k]);
+    if (n_alike) return fprintf(stderr, "?\n"), 1;
+    for (int k = 0; k < known.n && k < LISTED; k++) fprintf(stderr, "%s%s", k ? ", " : "", known.names[k]);
+    if (known.n > LISTED) fprintf(stderr, " and %d more", known.n - LISTED);
+    return fprintf(stderr, ".\n"), 1;
 }
 
 /* Find the candidate that is meant; its hypothesis, or -1 after a line on standard error that says why there is none. */
@@ -69,13 +106,13 @@ static int64_t chosen_of(const Decision *decision, const Diagnosis *found)
         many++;
     }
     if (many == 1) return chosen;
+    if (!many && tell_strange(decision)) return -1;
     for (int k = 0; k < decision->n_names; k++) fprintf(stderr, "%s%s", k ? ", " : "", decision->names[k]);
     if (many > 1) {
         fprintf(stderr, ": several candidates have these components. Name their parameters instead.\n");
         return -1;
     }
-    fprintf(stderr, ": no candidate has just these components. Name those of one candidate of the diagnosis: ");
-    list_candidates(found);
+    fprintf(stderr, ": no candidate has just these components. Name those of one candidate of the diagnosis.\n");
     return -1;
 }
 

@@ -172,7 +172,7 @@ static inline double usual_interval(const Grid *grid)
 static inline int repeats_times(const Grid *grid)
 {
     const double interval = usual_interval(grid), usual = interval != 0.0 ? interval : grid->usual;
-    return 2 * grid->n_again > grid->n_rows && (READ_IS_VARIABLE || usual > GRID_GAP * READ_STEP);
+    return 2 * grid->n_again > grid->n_rows && (READ_IS_VARIABLE || usual > GRID_GAP * READ_STEP || usual == 0.0);
 }
 
 /* Whether a time is that of one of the rows placed last, which are in order. */

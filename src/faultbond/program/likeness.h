@@ -80,6 +80,24 @@ static inline int is_among(const char *name, const char *const *some, int n)
     return 0;
 }
 
+/* Which of some names is most like another one; NULL where none is. */
+static inline const char *most_alike(const char *wanted, const char *const *some, int n)
+{
+    const Name word = name_of(wanted);
+    Name best = {{0}, 0};
+    double most = -1.0;
+    const char *meant = NULL;
+    for (int k = 0; k < n && k < LIKE_NAMES; k++) {
+        const Name name = name_of(some[k]);
+        const double like = likeness(&name, &word);
+        if (like < LIKE_ENOUGH || like < most || (like == most && !is_behind(&name, &best))) continue;
+        best = name;
+        most = like;
+        meant = some[k];
+    }
+    return meant;
+}
+
 /* Append what to do where a column is not among n names; what is `taken`, since others read it, is not meant. */
 static inline void add_advice(char *message, const char *wanted, const char *names, int64_t n, const char *const *taken, int n_taken)
 {
@@ -102,7 +120,7 @@ static inline void add_advice(char *message, const char *wanted, const char *nam
     }
     text_add(message, MESSAGE_ROOM, ". Did you mean '", MESSAGE_ROOM);
     text_add(message, MESSAGE_ROOM, meant, LIKE_LETTERS);
-    text_add(message, MESSAGE_ROOM, "'?", MESSAGE_ROOM);
+    text_add(message, MESSAGE_ROOM, "'? State that as `column` in the model file.", MESSAGE_ROOM);
 }
 
 #endif

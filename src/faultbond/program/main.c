@@ -110,13 +110,22 @@ static int read_option(Wishes *wishes, const char *name, const char *value)
     return 0;
 }
 
+/* Read names with commas between them; `flow.bias` is of `flow`. */
+static void read_names(Decision *decision, char *word)
+{
+    for (char *name = strtok(word, ","); name != NULL; name = strtok(NULL, ",")) {
+        name[strcspn(name, ".")] = '\0';
+        if (decision->n_names < MOST_NAMES) decision->names[decision->n_names++] = name;
+    }
+}
+
 /* Read a word of a decision: accept or reject, then names; 0 where this is none. */
-static int read_decision(Decision *decision, const char *word)
+static int read_decision(Decision *decision, char *word)
 {
     const int is_accept = strcmp(word, "accept") == 0, is_reject = strcmp(word, "reject") == 0;
     if (word[0] == '-' || (decision->what == DECIDE_NOTHING && !is_accept && !is_reject)) return 0;
     if (decision->what == DECIDE_NOTHING) decision->what = is_accept ? DECIDE_ACCEPT : DECIDE_REJECT;
-    else if (decision->n_names < MOST_NAMES) decision->names[decision->n_names++] = word;
+    else read_names(decision, word);
     return 1;
 }
 

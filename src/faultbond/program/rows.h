@@ -42,7 +42,7 @@ static inline int refuse_header(int column, int times, const char *names, int64_
     int64_t n_numbers = 0;
     for (int64_t k = 0; k < n; k++, name += strlen(name) + 1) n_numbers += isfinite(number_in(name)) != 0;
     if (times > 0) {
-        (void)snprintf(message, MESSAGE_ROOM, "%s: column %s (%s) appears %d times.", CSV_TITLE, shown, COLUMN_ROLE[column], times);
+        (void)snprintf(message, MESSAGE_ROOM, "%s: column %s (%s) appears %d times. Leave one of them.", CSV_TITLE, shown, COLUMN_ROLE[column], times);
     } else if (n_numbers == n) {
         (void)snprintf(message, MESSAGE_ROOM, "%s: the first row holds numbers; it must name the columns, among them %s.", CSV_TITLE,
                        shown);

@@ -1,11 +1,12 @@
-"""Parameters far outside what was declared, in words: of a fit, for the file that it writes, and of a model."""
+"""Doubtful numbers of a model in words: far outside what was declared, of a fit too, or of a sign that cannot be."""
 
 from collections.abc import Iterator, Sequence
 
 from faultbond.contract.json_records import Record
+from faultbond.equations.passivity import Active, active_elements
 from faultbond.fit.stray import Stray, doubts_of
 from faultbond.model.graph import BondGraph
-from faultbond.report.numbers import MINUS, join
+from faultbond.report.numbers import MINUS, join, with_unit
 
 MOVED = 1.0  # accuracies by which a healthy parameter seems to move; more is told of a model
 
@@ -76,3 +77,31 @@ def doubtful(graph: BondGraph) -> Iterator[tuple[str, str]]:
                 f"{item.name} seems to move by {times:.1f} accuracies (sd) while healthy: the law of {item.owner}, or "
                 "what is measured there, lacks something; a fault has to be larger to be told for sure",
             )
+
+
+def active_texts(graph: BondGraph) -> list[str]:
+    """Say which elements give what they can only take or store, which numbers are why, and what to do."""
+    return [_active_text(graph, item) for item in active_elements(graph)]
+
+
+def _active_text(graph: BondGraph, found: Active) -> str:
+    part = found.component
+    gives = f"the content of {part.name} falls as it is filled" if part.type.is_store else f"{part.name} gives power"
+    if not found.numbers:
+        return (
+            f"{gives} by its law, with the numbers above zero, too: turn a sign in the law ({graph.file}:{part.line})"
+        )
+    stated = {item.name: (item.nominal, item.unit, item.line) for item in graph.parameters}
+    stated |= {item.name: (item.value, item.unit, item.line) for item in graph.constants}
+    told = []
+    for name in found.numbers:
+        value, unit, _ = stated[name]
+        told.append(f"{name} is {with_unit(unit.from_si(value), unit.text)}")
+    where = f"{graph.file}:{stated[found.numbers[0]][2] or part.line}"
+    return f"{join(told)}, so {gives}: state it above zero, or turn the sign in the law ({where})"
+
+
+def active_sentence(graph: BondGraph) -> str:
+    """Say the same in sentences after an alarm; empty where every element is what it is called."""
+    told = "; ".join(active_texts(graph))
+    return f"{told}. Mend that first: no alarm of such a model tells anything of the plant." if told else ""

@@ -408,9 +408,10 @@ def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:
     tests = {item.sensor: item.words for item in fitted.found.whiteness}
     for item in fitted.noises:
         is_sensor = isinstance(item.of, Sensor)
-        unit = item.of.unit if is_sensor or item.of.unit.text else Unit("SI")
-        if isinstance(item.of, SlowError) and item.of.relative:
-            unit = Unit("%", 0.01)
+        unit = item.of.unit
+        if isinstance(item.of, SlowError):
+            stated = unit if unit.text else fitted.graph.signal_unit(item.of.target)
+            unit = Unit("%", 0.01) if item.of.relative else stated
         declared = figure(item.declared / unit.factor, digits=3).number()
         both = figure(item.found / unit.factor, item.sd / unit.factor).both()
         if item.found > AT_MOST * item.declared and not is_sensor:

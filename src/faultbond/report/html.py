@@ -12,7 +12,7 @@ from faultbond.report.numbers import NO_BREAK, TIMES, Notation, clock_text, dura
 from faultbond.report.run_figures import chart_sections
 from faultbond.report.suspects import instrument_title
 from faultbond.report.template import page_template
-from faultbond.report.verdict import RunCounts, RunView, decided_text, fault_probabilities, view_of
+from faultbond.report.verdict import RunCounts, RunView, decided_text, fault_probabilities, judged, view_of
 
 SHOWN = 0.005  # instruments less likely at fault have no number
 CHIPS = 24  # of more instruments only those with a number are named
@@ -38,6 +38,7 @@ def render_report(
     version : of faultbond
     counts : samples passed, and defects of the recording
     """
+    history = judged(history, counts)
     view = view_of(graph, history, counts, Notation.PRINT)
     told = view.diagnosis if not view.contradicted else None
     facts = {"Sensors": view.sensors, "Sampled": view.step, "Recording": view.period, "Engine": engine_title}
@@ -121,11 +122,12 @@ def _cards(history: History, view: RunView, counts: RunCounts) -> list[tuple[str
     if history.detections:
         last = history.detections[-1]
         start = float(history.time[0]) if len(history.time) else 0.0
+        delay = last.time - last.change_time  # less than none where the clock was set back
         after = f"{duration_text(last.time - start)} after the start" if last.time >= start else "in the run before"
         cards = [
             ("Detected at", clock_text(last.time), after),
             ("Estimated onset", clock_text(last.change_time), "begin of the change"),
-            ("Delay", duration_text(last.time - last.change_time), "from onset to alarm"),
+            *([("Delay", duration_text(delay), "from onset to alarm")] if delay >= 0.0 else []),
             ("Seen in", ", ".join(last.signals) or "slow error", "signal that raised the alarm"),
         ]
         if len(history.detections) > 1:

@@ -13,14 +13,15 @@ from faultbond.contract.findings import MAX_CANDIDATES
 from faultbond.contract.json_records import Record
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.evaluate import ROOT_WIDTH, SQRT_WIDTH
+from faultbond.equations.passivity import active_elements
 from faultbond.equations.sequence import Loop
 from faultbond.equations.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
-from faultbond.model.expression import rename
+from faultbond.model.expression import names, rename
 from faultbond.model.graph import BondGraph, Check, Component, Curve, Input, Parameter, Relation, Sensor, Unit, Validity
 from faultbond.model.keys import BETWEEN, BEYOND, HOLDS, NOISES_OF
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title, under
-from faultbond.report.doubts import doubtful
+from faultbond.report.doubts import active_texts, doubtful
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
 from faultbond.report.suspects import owner_title
 from faultbond.report.together import together_texts
@@ -159,6 +160,7 @@ def check_record(seen: Inventory) -> Record:
             | {"noise_of": NOISES_OF[item.smooth]}
             for item, known in zip(graph.inputs, spec.inputs, strict=True)
         ],
+        "unused": list(unused_inputs(graph)),
         "sensors": [
             {"name": item.name, "column": item.column, "unit": item.unit.text, "reads": to_text(item.reads)}
             | {"noise": item.noise, "noise_part": item.part, "range": [item.lower, item.upper], "suspect": item.suspect}
@@ -223,6 +225,9 @@ def _structure_record(seen: Inventory) -> Record:
             for item in graph.parameters
         ],
         "doubtful": [name for name, _ in doubtful(graph)],
+        "active": [
+            {"component": item.component.name, "numbers": list(item.numbers)} for item in active_elements(graph)
+        ],
         "correlations": [{"parameters": [item.one, item.other], "value": item.value} for item in graph.correlations],
         "constants": [{"name": item.name, "value": item.value, "unit": item.unit.text} for item in graph.fixed],
         "tables": [
@@ -306,7 +311,7 @@ def _print_plant(console: Console, graph: BondGraph) -> None:
     if graph.correlations:
         known = {item.name: item for item in graph.parameters}
         lines(console, under("go together", together_texts(known, graph.correlations)))
-    if doubts := [text for _, text in doubtful(graph)]:
+    if doubts := [*active_texts(graph), *(text for _, text in doubtful(graph))]:
         lines(console, under("doubtful", doubts))
 
 
@@ -401,7 +406,11 @@ def _states(seen: Inventory) -> Iterator[str]:
     for store, coordinate in zip(seen.model.plant.network.states, seen.model.states, strict=True):
         start = starts.get(store.component or "")
         known = f"about where {store.source} is" if store.source else "solved from the first samples"
-        known = known if start is None else f"{start.mean:g} ± {start.sd:g} (SI)"
+        known = (
+            known
+            if start is None
+            else f"{start.mean:g} ± {start.sd:g} {unit_text(seen.graph.signal_unit(store.name).text)}".rstrip()
+        )
         estimated = "" if coordinate == store.name else f", estimated as {coordinate}"
         yield f"{store.name}{estimated}; start: {known}"
 
@@ -420,6 +429,9 @@ def _print_signals(console: Console, seen: Inventory) -> None:
         header = ("name", "column", "unit", _noise_title(graph), "settling", "a step is more than")
         shown = 4 if graph.grid is TimeGrid.NONE else len(header)  # without time nothing settles
         table(console, header[:shown], [row[:shown] for row in inputs])
+        if idle := unused_inputs(graph):
+            told = "no law, sensor or condition names it, but a recording must have its column; use it or remove it"
+            lines(console, under("unused", [f"{name}: {told}" for name in idle]))
     else:
         lines(console, [("", "none")])
     title(console, "Sensors")
@@ -436,7 +448,7 @@ def _print_signals(console: Console, seen: Inventory) -> None:
         for error, slow in zip(graph.slow_errors, spec.slow_errors, strict=True):
             if error.kind != kind:
                 continue
-            known_unit = error.unit if error.unit.text else Unit("SI")
+            known_unit = error.unit if error.unit.text else graph.signal_unit(error.target)
             size = f"{100 * error.sd:g} %" if error.relative else _spread(known_unit, error.sd)
             size += f", more after a change of {', '.join(error.after)}" if error.after else ""
             rows.append((error.target, size, duration_text(error.memory), "yes" if slow.alarms else "no"))
@@ -446,6 +458,12 @@ def _print_signals(console: Console, seen: Inventory) -> None:
     if graph.checks:
         title(console, "Checks by hand")
         table(console, ("name", "what is done", "cost"), [_check_row(item, graph) for item in graph.checks])
+
+
+def unused_inputs(graph: BondGraph) -> tuple[str, ...]:
+    """Give the inputs that no law, sensor or condition names."""
+    stated = {name for item in graph.conditions for name in names(item.condition)}
+    return tuple(item.name for item in graph.inputs if item.name not in graph.acting_inputs | stated)
 
 
 def _noise_title(graph: BondGraph) -> str:

@@ -244,7 +244,7 @@ def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
 def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:
     size, unit = _sized(graph, item.what)
     memory = duration_text(item.what.memory) if item.what.is_slow else ""
-    number, words = figure(size, digits=3).number(), unit_text(unit) if unit else "SI"
+    number, words = figure(size, digits=3).number(), unit_text(unit)
     if item.what.kind is Kind.HOLD:
         number = words = ""
     return (

@@ -48,6 +48,8 @@ TABLE_ROWS = 8
 NEGLIGIBLE = 0.001  # candidates below are listed only to fill the first three rows
 NAMED_SETS = 4  # candidates of a group named in a sentence
 MOVES = " (this value still moves)"
+HARDLY = 0.001  # of its value by which what is accepted changes at least
+IMPROBABLE = 0.01  # probability of what is accepted below which that is worth a word
 NOTES = 6  # sensors and inputs without a value of which a sentence each is said
 RANKED_SETS = 8  # candidates of the ranking after a rejection
 
@@ -58,7 +60,8 @@ class RunCounts:
 
     no_verdict: why the run says nothing about the plant; empty where it does. disorder: the same where rows are so
     much out of order that an alarm says nothing either. silent: sensors and inputs that gave no value, hardly any, or
-    none for long. hints: sentences on what else an alarm may come from, such as a wrong unit.
+    none for long. texts: what stands where numbers belong, in words. hints: sentences on what else an alarm may come
+    from, such as a wrong unit.
     """
 
     samples: int
@@ -76,6 +79,7 @@ class RunCounts:
     no_verdict: str = ""
     disorder: str = ""
     silent: tuple[Silent, ...] = ()
+    texts: tuple[str, ...] = ()
     hints: tuple[str, ...] = ()
 
     def defects(self) -> str:
@@ -131,6 +135,7 @@ class RunView:
 
 def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Notation) -> RunView:
     """Give all that is to be said of a run."""
+    history = judged(history, counts)
     events = [(item.time, detection_sentence(item), True) for item in history.detections]
     events += [(item.time, accepted_sentence(graph, item), False) for item in history.accepted]
     events += [(item.time, rejected_sentence(graph, item), False) for item in history.rejected]
@@ -147,7 +152,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
         sensors=", ".join(sensor.name for sensor in graph.sensors),
         step=step_text(graph),
         period=" to ".join(clock_text(float(history.time[end])) for end in (0, -1)) if len(history.time) else "",
-        span=duration_text(_span(history)),
+        span=duration_text(_span(graph, history, counts)),
         defects=counts.defects(),
         events=tuple((text, alarm) for _, text, alarm in sorted(events, key=lambda event: event[0])),
         diagnosis=diagnosis,
@@ -158,14 +163,17 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
         left_out=_beside(diagnosis) if diagnosis else "",
         contradicted=diagnosis is not None and diagnosis.unexplained is not None,
         checks=check_rows(graph, diagnosis, notation) if diagnosis else (),
-        notes=_notes(counts.silent),
+        notes=_notes(counts),
     )
+
+
+def judged(history: History, counts: RunCounts) -> History:
+    """Give what a run found that counts: no alarm in rows that are too much out of order."""
+    return replace(history, detections=(), diagnoses=(), open=None) if counts.disorder else history
 
 
 def _state(history: History, counts: RunCounts) -> str:
     """Give how a run stands, in a word."""
-    if counts.disorder:
-        return "open"
     if history.detections:
         return "fault"
     if counts.no_verdict:
@@ -173,11 +181,12 @@ def _state(history: History, counts: RunCounts) -> str:
     return "partial" if unwatched(counts.silent) else "healthy"
 
 
-def _notes(silent: Sequence[Silent]) -> tuple[str, ...]:
-    """Say which sensors and inputs gave no value, and what follows."""
-    told = [f"{text[0].upper()}{text[1:]}." for text in (item.sentence(clock_text) for item in silent)]
+def _notes(counts: RunCounts) -> tuple[str, ...]:
+    """Say where text stands for a number, which sensors and inputs gave no value, and what follows."""
+    told = [item.sentence(clock_text) for item in counts.silent]
     more = len(told) - NOTES
-    return (*told[:NOTES], f"So with {more} more sensors and inputs.") if more > 1 else tuple(told)
+    told = [*told[:NOTES], f"so with {more} more sensors and inputs"] if more > 1 else told
+    return tuple(f"{text[0].upper()}{text[1:]}." for text in (*counts.texts, *told))
 
 
 def step_text(graph: BondGraph) -> str:
@@ -217,10 +226,11 @@ def detection_sentence(detection: Detection) -> str:
     if detection.walk is not None:
         return _walk_sentence(detection, detection.walk)
     where = f" in {join(detection.signals)}" if detection.signals else ""
-    delay = duration_text(detection.time - detection.change_time)
+    delay = detection.time - detection.change_time
+    after = f"delay {duration_text(delay)}" if delay >= 0.0 else "by the clock as it was before it was set back"
     return (
         f"Fault detected at {clock_text(detection.time)}{where}; "
-        f"it began at about {clock_text(detection.change_time)} (delay {delay})."
+        f"it began at about {clock_text(detection.change_time)} ({after})."
     )
 
 
@@ -243,7 +253,19 @@ def accepted_sentence(graph: BondGraph, accepted: Decision) -> str:
     if accepted.repaired:
         return f"Repaired at {clock_text(accepted.time)}: {told}. It is as the model file says again."
     by = " by rule" if accepted.by is Decider.RULE else ""
-    return f"Accepted{by} at {clock_text(accepted.time)}: {told}. It is the new normal."
+    return f"Accepted{by} at {clock_text(accepted.time)}: {told}. It is the new normal.{_doubt_of(accepted.candidate)}"
+
+
+def _doubt_of(accepted: Candidate) -> str:
+    """Say of what was accepted that it changes next to nothing, or that the data speak against it; mostly empty."""
+    if all(
+        item.nominal and item.rate is None and abs(item.estimate - item.nominal) < HARDLY * abs(item.nominal)
+        for item in accepted.suspects
+    ):
+        return f" It is within {100.0 * HARDLY:g} % of what was normal before, so the next alarm may be the same one."
+    if accepted.probability < IMPROBABLE and not accepted.group:
+        return " The data speak against it, so the next alarm may be the same one."
+    return ""
 
 
 def rejected_sentence(graph: BondGraph, rejected: Decision) -> str:
@@ -279,16 +301,14 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
     """Say in plain words what a run found."""
     if history.open is None and counts.no_verdict:
         return f"No verdict: {counts.no_verdict}."
-    if counts.disorder:
-        after = replace(counts, disorder="", no_verdict="")
-        return f"No verdict: {counts.disorder}. Of what is left: {verdict_sentence(graph, history, after, notation)}"
     if history.open is None and history.detections:
         repaired, taken = ([item for item in history.accepted if item.repaired is is_so] for is_so in (True, False))
         told = [f"Repaired: {decided_text(graph, repaired)}."] if repaired else []
         told += [f"Accepted as the new normal: {decided_text(graph, taken)}."] if taken else []
         return " ".join([*told, "No other fault was found."])
     if history.open is None:
-        return f"No fault found {_watched(graph, counts)}in {counts.samples} samples ({duration_text(_span(history))})."
+        span = duration_text(_span(graph, history, counts))
+        return f"No fault found {_watched(graph, counts)}in {counts.samples} samples ({span})."
     diagnosis = open_diagnosis(history)
     if diagnosis is None:
         return "A fault was detected; there is no diagnosis yet."
@@ -363,18 +383,38 @@ def early_sentence(graph: BondGraph, history: History) -> str:
 def _certainty(graph: BondGraph, diagnosis: Diagnosis) -> str:
     """Say how sure the best candidate is, sets that were not tested included; empty where nothing is a chance.
 
-    Where the model lets one thing be at fault at a time it is sure of that alone: of two it was not asked.
+    Where it has as many suspects as the model lets be at fault, it is sure of that alone: of one more it was not asked.
     """
     best, left = diagnosis.candidates[0], diagnosis.untested
     if not best.kinds:  # the method `classic` knows an order only
         return ""
-    sure, alone = certainty_text(best.probability), " if only one thing is at fault" if graph.max_faults == 1 else ""
+    is_largest = len(best.suspects) >= graph.max_faults and _could_be_more(graph)
+    things = "only one thing is" if graph.max_faults == 1 else f"no more than {graph.max_faults} things are"
+    sure, alone = certainty_text(best.probability), f" if {things} at fault" if is_largest else ""
     if left is None or not left.sets:
         return f", {sure}{alone}"
     if left.probability >= 1.0:
         return f", {sure} among the sets tested{alone}"
     least = certainty_text(best.probability * (1.0 - left.probability))
     return f", {sure}{alone}" if least == sure else f", at least {least}{alone}"
+
+
+def _could_be_more(graph: BondGraph) -> bool:
+    """Whether there are sets of more suspects than the model lets be at fault at a time: none of them was tested."""
+    stated = [
+        *(x.suspect for x in graph.parameters),
+        *(x.suspect for x in graph.sensors),
+        *(x.suspect for x in graph.inputs),
+    ]
+    return sum(stated) > graph.max_faults
+
+
+def _not_asked(graph: BondGraph) -> str:
+    """Say that what no candidate explains may be more faults at once than the model lets be; empty where it cannot."""
+    if not _could_be_more(graph):
+        return ""
+    many = "one fault at once was" if graph.max_faults == 1 else f"{graph.max_faults} faults at once were"
+    return f" More than {many} not tested (`max_faults: {graph.max_faults}`)."
 
 
 def unexplained_sentence(found: Unexplained) -> str:
@@ -394,7 +434,7 @@ def _no_claim(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> str:
         told = f"Most likely the model is off: {name}, which counts as healthy, had to move too far, {sure}."
         return f"{told} {cure_of_walk(graph, name)}"
     if diagnosis.unexplained is not None:
-        return unexplained_sentence(diagnosis.unexplained)
+        return unexplained_sentence(diagnosis.unexplained) + _not_asked(graph)
     if diagnosis.within_accuracy <= diagnosis.candidates[0].probability:
         return ""
     sure = certainty_text(diagnosis.within_accuracy)
@@ -488,9 +528,10 @@ def remainder_text(diagnosis: Diagnosis, rows: Sequence[TableRow]) -> str:
     return f"... and {len(left)} more below {limit:g} %"
 
 
-def _span(history: History) -> float:
-    """Give the length of the recording in seconds."""
-    return float(history.time[-1] - history.time[0]) if len(history.time) else 0.0
+def _span(graph: BondGraph, history: History, counts: RunCounts) -> float:
+    """Give the length of the recording in seconds; of its samples where the clock was set, or stood still for long."""
+    span = float(history.time[-1] - history.time[0]) if len(history.time) else 0.0
+    return counts.samples * graph.sample_time if counts.clock_jumps and graph.sample_time else max(span, 0.0)
 
 
 def _joined_owners(graph: BondGraph, suspects: Sequence[Suspect]) -> str:

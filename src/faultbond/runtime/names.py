@@ -1,6 +1,7 @@
 """Hypotheses by the names that people know: of parameters, components, sensors and inputs."""
 
 from collections.abc import Sequence
+from difflib import get_close_matches
 
 from faultbond.contract.findings import Candidate, Diagnosis
 from faultbond.contract.spec import EngineSpec
@@ -33,12 +34,24 @@ def find_hypothesis(spec: EngineSpec, components: Sequence[str]) -> int:
     strange = [name for name in components if name not in known]
     if strange:
         told = f"{', '.join(known[:LISTED])}{f' and {len(known) - LISTED} more' if len(known) > LISTED else ''}"
-        raise FaultbondError(f"{', '.join(strange)}: nothing that is suspected is called so. There are {told}.")
+        near = [name for word in strange for name in _near(word, known)]
+        cure = f"Did you mean {' and '.join(near)}?" if near else f"There are {told}."
+        stated = {name for item in spec.parameters for name in (item.component, item.name)}
+        untested = [name for name in strange if name in stated]
+        if untested:
+            raise FaultbondError(f"{', '.join(untested)}: not tested; `check` tells why. There are {told}.")
+        raise FaultbondError(f"{', '.join(strange)}: nothing that is suspected is called so. {cure}")
     if found:
-        raise FaultbondError(f"{words}: several hypotheses have these components. Name their parameters instead.")
+        raise FaultbondError(f"{words}: several candidates have these components. Name their parameters instead.")
     raise FaultbondError(
-        f"{words}: no hypothesis has just these components. Name those of one candidate of the diagnosis."
+        f"{words}: no candidate has just these components. Name those of one candidate of the diagnosis."
     )
+
+
+def _near(word: str, known: Sequence[str]) -> list[str]:
+    """Give the known name that is most like a misspelt one; none where none is."""
+    by_lower = {name.lower(): name for name in reversed(known)}
+    return [by_lower[name] for name in get_close_matches(word[:100].lower(), by_lower, n=1)]
 
 
 def _known_names(spec: EngineSpec) -> tuple[str, ...]:

@@ -47,7 +47,7 @@ def test_where_one_fault_at_most_is_asked_for_there_are_none() -> None:
     assert alone.n_hypotheses == alone.n_begun + len(alone.reserve)
     assert spec_of("rc").coupled is False
     assert MOTOR.coupled is True
-    with pytest.raises(FaultbondError, match="omega, R: no hypothesis has just these components"):
+    with pytest.raises(FaultbondError, match="omega, R: no candidate has just these components"):
         find_hypothesis(alone, ["omega", "R"])
 
 

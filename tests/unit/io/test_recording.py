@@ -184,7 +184,8 @@ def test_a_missing_column_is_named(tmp_path: Path) -> None:
     """The message has the file, the column, what it is for, the columns found, and the closest of them."""
     with pytest.raises(RecordingError) as caught:
         read(tmp_path, "time,u,Levels,heat\n1,2,3,4\n")
-    message = "no column 'level' (sensor level); found: time, u, Levels, heat. Did you mean 'Levels'?"
+    message = "no column 'level' (sensor level); found: time, u, Levels, heat. Did you mean 'Levels'? State that as "
+    message += "`column` in the model file."
     assert str(caught.value) == f"{tmp_path / 'rec.csv'}: {message}"
 
 

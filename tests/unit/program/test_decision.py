@@ -57,21 +57,29 @@ def test_a_candidate_is_rejected(states: tuple[str, str], programs: Programs, tm
     assert [record["record"] for record in said.records] == ["rejected", "diagnosis"]
 
 
-def test_what_cannot_be_decided_is_said(states: tuple[str, str], programs: Programs) -> None:
-    """A name that no candidate has, one that is gone, and a run without an alarm are told in one line."""
+def test_what_cannot_be_decided_is_said(
+    states: tuple[str, str], programs: Programs, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A name that no candidate has, one that is gone, and a run without an alarm are told in one line, as by Python."""
     program, state = programs("rc"), states[0]
     before = Path(state).read_bytes()
     for names, words in (
+        (("accept", "nobody"), "nobody: nothing that is suspected is called so. There are R, C, V_C, V.\n"),
+        (("accept", "v_x"), "v_x: nothing that is suspected is called so. Did you mean V_C?\n"),
         (
-            ("accept", "nobody"),
-            "nobody: no candidate has just these components. Name those of one candidate of the diagnosis: C, ",
+            ("reject", "C,nobody.bias", "v_x"),
+            "nobody, v_x: nothing that is suspected is called so. Did you mean V_C?\n",
         ),
+        (("accept", "R,C"), "R, C: no candidate has just these components. Name those of one candidate of the diag"),
         (("reject",), "watch: reject: name the parts of a candidate"),
     ):
         said = watched(program, b"", "--state", state, *names)
         assert (said.code, said.out) == (2, ())
         assert said.err.startswith(words)
         assert said.err.count("\n") == 1
+        if len(names) > 1:
+            assert main([names[0], str(example_of("rc")), states[1], *names[1:]]) == 2
+            assert capsys.readouterr().err == said.err
     assert Path(state).read_bytes() == before
     assert watched(program, b"", "--state", state, "accept").code == 0
     said = watched(program, b"", f"--state={state}", "accept")

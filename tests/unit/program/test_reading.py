@@ -244,8 +244,8 @@ def test_spoilt_texts_are_read_or_refused_as_by_python(
         (b"time;u;y;z\n0;1;2;3\n1;1; -2,5e+3 ;3\n", "'y' is '-2,5e+3'"),
         (b"time,u,y,z\n0,1,2,3\n1,1,2,3,4\n", ":3: this row has 5 fields, the header 4."),
         (b'time,u,y,z\n0,1,2,3\n"1' + b"\n" * 120 + b'",2,3,4\n', ":3: a quotation mark is opened here"),
-        (b"time,u,y,z\n0,1,2,3\n1,2,3,\0\n", ":3: this is not text."),
-        (b"PAR1\xff\xfe\xff\xff\n", ":1: this is not text."),
+        (b"time,u,y,z\n0,1,2,3\n1,2,3,\0\n", ":3: this is not text in UTF-8."),
+        (b"PAR1\xff\xfe\xff\xff\n", ":1: this is not text in UTF-8."),
         (b"time,u,y,z\n0,1,2,3\n1," + b"7" * 140_000 + b",3,4\n", "field larger than field limit (131072)"),
         (b'time,u,y,z\n0,1,2,3\n"' + b"7" * 140_000 + b'",2,3,4\n', "field larger than field limit (131072)"),
         (

@@ -10,7 +10,7 @@ from faultbond.contract.findings import Candidate, Decider, Decision, Detection,
 from faultbond.report.html import render_report
 from faultbond.report.numbers import Notation
 from faultbond.report.terminal import print_diagnosis
-from faultbond.report.verdict import RunCounts, ranking_text, rejected_sentence, verdict_sentence
+from faultbond.report.verdict import RunCounts, accepted_sentence, ranking_text, rejected_sentence, verdict_sentence
 from faultbond.types import FaultKind
 
 GRAPH = tank_graph()
@@ -43,6 +43,24 @@ def printed(history: History) -> str:
 def page(history: History) -> str:
     """The page of a run."""
     return render_report(GRAPH, history, TANK_STROKES, "test engine", "0", counts_of(history))
+
+
+def test_what_is_accepted_against_the_data_is_told() -> None:
+    """Accepting a value that is next to the old one, or what is hardly likely, is said to help little."""
+    one = suspect(GRAPH, "K1", 1.5, 0.02)
+    sure = Candidate(suspects=(one,), probability=0.9, group=True)
+
+    def told(candidate: Candidate) -> str:
+        return accepted_sentence(GRAPH, Decision(time=90.0, candidate=candidate, by=Decider.PERSON))
+
+    assert told(sure).endswith("It is the new normal.")
+    assert told(replace(sure, probability=0.001, group=False)).endswith(
+        "It is the new normal. The data speak against it, so the next alarm may be the same one."
+    )
+    near = replace(sure, suspects=(replace(one, estimate=1.0009 * one.nominal),))
+    assert told(near).endswith("It is within 0.1 % of what was normal before, so the next alarm may be the same one.")
+    assert told(replace(near, suspects=(*near.suspects, one))).endswith("It is the new normal.")
+    assert told(replace(sure, probability=0.001)).endswith("It is the new normal.")
 
 
 def test_an_accepted_fault_is_told_and_not_diagnosed_any_more() -> None:

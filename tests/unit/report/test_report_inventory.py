@@ -71,3 +71,32 @@ def test_record(seen: tuple[str, Inventory]) -> None:
     assert [item["limits"] for item in record["parameters"]] == [[], [], [5e-5, 2e-4]]
     assert record["time_between_false_alarms"] == (30 * 86400 if more else None)
     assert [item["kind"] for item in record["checks"]] == (["component", "input", "signal"] if more else [])
+
+
+def test_a_resistance_below_zero_is_doubtful() -> None:
+    """The listing and the record name a number of a sign that cannot be, and a healthy model has none."""
+    graph = parse_model(
+        MODEL.replace("limit: [5e-5, 2e-4 m^2.5/s]", "change: 100 %").replace("1e-4 m^2.5", "-1e-4 m^2.5")
+    )
+    model = build_step_model(build_plant(graph))
+    doubtful = Inventory(graph=graph, model=model, spec=build_spec(model), engine="none")
+    assert "doubtful K is -1e-4 m^2.5/s, so outlet gives power: state it above zero" in printed(doubtful)
+    assert check_record(doubtful)["active"] == [{"component": "outlet", "numbers": ["K"]}]
+
+
+def test_a_healthy_model_has_no_active_part(seen: tuple[str, Inventory]) -> None:
+    """Where every sign is right nothing is doubtful."""
+    assert check_record(seen[1])["active"] == []
+    assert "doubtful" not in printed(seen[1])
+
+
+def test_a_known_start_is_told_in_its_unit() -> None:
+    """A start, and the size of a slow error without a unit of its own, have the unit that laws and units fix."""
+    text = MODEL.replace("law: e = q/A,", "law: e = q/A, start: {q: 0.02 m^3, sd: 0.01 m^3},")
+    graph = parse_model(text + "slow_error: {outlet.f: 1e-5 m^3/s over 600 s}\n")
+    assert graph.signal_unit("vessel.q").text == "m^3"
+    assert graph.signal_unit("nothing").text == ""
+    model = build_step_model(build_plant(graph))
+    told = printed(Inventory(graph=graph, model=model, spec=build_spec(model), engine="none"))
+    assert "start: 0.02 ± 0.01 m^3" in told
+    assert "SI" not in told.replace("SI unit", "")

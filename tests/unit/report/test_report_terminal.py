@@ -106,7 +106,8 @@ def test_what_nothing_explains_is_no_verdict_on_a_part() -> None:
     verdict = text[text.index("None of the modelled") :]
     assert verdict.startswith(
         "None of the modelled faults explains this: the best fit is still 3.2 standard deviations off in flow between "
-        "3000 s and 4000 s, on average. Nearest comes a change of the pipe: K1 rose"
+        "3000 s and 4000 s, on average. More than 2 faults at once were not tested (`max_faults: 2`). Nearest comes a "
+        "change of the pipe: K1 rose"
     )
     assert "sure" not in verdict
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fake import counts_of, kind_of, moving, suspect, tank_graph, tank_history, with_last, wrong
-from faultbond.contract.findings import Candidate, Diagnosis, History, Suspect, Walk
+from faultbond.contract.findings import Candidate, Diagnosis, History, Suspect, Unexplained, Walk
 from faultbond.model.graph import Unit
 from faultbond.report.numbers import Notation
 from faultbond.report.suspects import UNDETERMINED, unit_of
@@ -53,6 +53,45 @@ def test_of_two_faults_a_model_of_one_was_not_asked(history: History) -> None:
     other = kind_of(suspect(GRAPH, "K8", 0.9, 0.02), (FaultKind.STEP, 1.0), probability=0.4)
     both = with_last(history, (replace(best, probability=0.6), other))
     assert verdict_sentence(one, both, counts, Notation.FILE) == verdict_sentence(GRAPH, both, counts, Notation.FILE)
+
+
+def test_a_set_as_large_as_max_faults_says_what_was_not_asked(history: History) -> None:
+    """Of a pair where `max_faults` is 2 the verdict is sure of two at most; not where it is 3, or no third is left."""
+    pair = kind_of(suspect(GRAPH, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.993)
+    pair = replace(pair, suspects=(*pair.suspects, suspect(GRAPH, "K8", 0.9, 0.02)))
+    two, counts, last = replace(GRAPH, max_faults=2), RunCounts(samples=9), with_last(history, (pair,))
+    told = verdict_sentence(two, last, counts, Notation.FILE)
+    assert told.endswith(", 99.3 % sure if no more than 2 things are at fault.")
+    three = replace(GRAPH, max_faults=3)
+    assert verdict_sentence(three, last, counts, Notation.FILE).endswith(", 99.3 % sure.")
+    trusted = [tuple(replace(item, suspect=False) for item in of) for of in (GRAPH.sensors, GRAPH.inputs)]
+    small = replace(two, parameters=two.parameters[:2], sensors=trusted[0], inputs=trusted[1])
+    some = [item.name for item in small.parameters]
+    known = replace(pair, suspects=tuple(suspect(GRAPH, name, 1.2, 0.02) for name in some))
+    told = verdict_sentence(small, with_last(history, (known,)), counts, Notation.FILE)
+    assert told.endswith(", 99.3 % sure.")
+
+
+def test_what_none_explains_may_be_more_than_was_tested(history: History) -> None:
+    """Where no candidate explains the data, sets larger than `max_faults` are named as not tested."""
+    best = kind_of(suspect(GRAPH, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.993)
+    last, counts = with_last(history, (best,)), RunCounts(samples=9)
+    off = Unexplained(signal="flow", since=7.0, until=7.0, sd=5.0)
+    last = replace(last, diagnoses=(replace(last.diagnoses[-1], unexplained=off),))
+    for most, words in ((1, "one fault at once was"), (2, "2 faults at once were")):
+        told = verdict_sentence(replace(GRAPH, max_faults=most), last, counts, Notation.FILE)
+        assert f" More than {words} not tested (`max_faults: {most}`). Nearest comes" in told
+
+
+def test_a_clock_that_was_set_back_gives_no_time_below_none(history: History) -> None:
+    """Where a recording ends before it begins its length is that of its samples, and no delay is told."""
+    ends = np.array([30.0, 10.0])
+    back = replace(history, time=ends, detections=(), diagnoses=(), open=None)
+    told = verdict_sentence(GRAPH, back, RunCounts(samples=90, clock_jumps=1), Notation.FILE)
+    assert told == "No fault found in 90 samples (90 s)."
+    (alarm,) = history.detections
+    late = detection_sentence(replace(alarm, time=10.0, change_time=30.0))
+    assert late.endswith("it began at about 30 s (by the clock as it was before it was set back).")
 
 
 def test_an_early_verdict_says_so(history: History) -> None:
