@@ -31,8 +31,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Measure what tests cost."""
-    if config.cache is not None:
-        config.pluginmanager.register(Costs(config, config.cache))
+    cache: pytest.Cache | None = getattr(config, "cache", None)  # which can be switched off
+    if cache is not None:
+        config.pluginmanager.register(Costs(config, cache))
 
 
 def pytest_collection_finish() -> None:
