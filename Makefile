@@ -12,12 +12,13 @@ PYTHONS ?= $(BIN)/python
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo install compiler test lint golden docs site dist thesis trust bench
+.PHONY: help demo install compiler test quick lint golden docs site dist thesis trust bench
 
 help:
 	@echo "make demo     find a fault in the built-in water tank and write report.html"
 	@echo "make install  put faultbond into .venv; then: $(BIN)/faultbond --help"
 	@echo "make test     run all tests"
+	@echo "make quick    run the tests of files that took little the last time that all ran: nine of ten, in minutes"
 	@echo "make lint     check style, format and types"
 	@echo "make golden   rewrite the files of expected results; read the difference before you commit it"
 	@echo "make docs     renew the outputs shown in the pages and check the pages against the program"
@@ -38,6 +39,10 @@ install: compiler
 test: $(DEV) compiler
 	@echo "faultbond: tests"
 	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(WORKERS)  # hundreds of programs would compile it all anew
+
+quick: $(DEV) compiler
+	@echo "faultbond: quick tests"
+	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(WORKERS) --quick
 
 lint: $(DEV)
 	@echo "faultbond: ruff check, ruff format, mypy"

@@ -15,12 +15,25 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from benchmarks.shared.broker import MOSQUITTO, Mosquitto
 
+from costs import Costs
 from postgres import MISSING, PostgresServer, can_run
 from watching import watch_program
 
 # Cores of tests run for moments, and are compiled in a third of the time; tests/unit/synthesis/test_compile.py compares
 # them with those of users.
 os.environ["FAULTBOND_HASTY"] = "1"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Tests can be quick."""
+    parser.addoption("--quick", action="store_true", help="leave out files whose tests took long the last time")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Measure what tests cost."""
+    cache: pytest.Cache | None = getattr(config, "cache", None)  # which can be switched off
+    if cache is not None:
+        config.pluginmanager.register(Costs(config, cache))
 
 
 def pytest_collection_finish() -> None:
