@@ -81,7 +81,7 @@ def analysed(model: ModelFile, *, wishes: Wishes, tell: "Callable[[Show], None]"
 
 def _analysed_structure(structure: Structure, wishes: Wishes, tell: "Callable[[Show], None]") -> Analysed:
     """Tell what equations without laws say of faults."""
-    from faultbond.app.structure_study import check_wishes, structure_sections  # noqa: PLC0415 - loads rich and scipy
+    from faultbond.app.structure_study import check_wishes, structure_sections  # noqa: PLC0415 - loads rich
     from faultbond.report.structure import head_record, print_head  # noqa: PLC0415 - loads rich
 
     check_wishes(structure, wishes)

@@ -53,7 +53,7 @@ def generated(model: ModelFile, *, output: Path, target: str, lanes_at_most: int
     check_has_time(graph)
     check_folder(output)
     from faultbond.app.self_test import self_test  # noqa: PLC0415 - loads casadi
-    from faultbond.equations.plant import build_plant  # noqa: PLC0415 - loads scipy
+    from faultbond.equations.plant import build_plant  # noqa: PLC0415 - loads casadi
     from faultbond.equations.step import build_step_model  # noqa: PLC0415 - loads casadi
     from faultbond.synthesis import project  # noqa: PLC0415 - loads casadi
     from faultbond.synthesis.engine import build_core  # noqa: PLC0415 - loads casadi
@@ -156,5 +156,5 @@ def write_folder(output: Path, files: dict[str, str]) -> None:
     for name in (MARK, *(name for name in files if name != MARK)):
         path = output / name
         path.parent.mkdir(exist_ok=True)
-        with replaced_text(path) as stream:
+        with replaced_text(path, lasting=name == MARK) as stream:  # the rest can be generated again
             stream.write(files[name])

@@ -75,6 +75,8 @@ static int is_of_store(int index)
     return 0;
 }
 
+FB_SELDOM
+
 /* What lane k of the plan would say with one more suspect, and where that begins: where the closed form has it, which is exact
    for a linear plant; at its healthy value where it would have it beyond what it can be. old: see `Trail`, or NULL. */
 static double said_with(Bank *bank, int64_t k, int index, const double *old, double *value)
@@ -419,6 +421,8 @@ static int64_t put_couple(Bank *bank, Job *job, int64_t l)
     bank->base[lane] = base;
     return N_SLOT_LANES + lane;
 }
+
+FB_OFTEN
 
 /* Whether any lane of a block has begun. */
 static int any_couple(const Bank *bank, int64_t block)

@@ -8,6 +8,8 @@
 
 #define FAR_TAIL (-30.0) /* from here on the normal distribution is taken by the first term of its expansion */
 
+FB_SELDOM
+
 /* Logarithm of the probability that a normal number lies below x, in its sd. Source: Abramowitz and Stegun, 26.2.12. */
 static double log_below(double x)
 {
@@ -57,5 +59,7 @@ static double log_in_range(const Bank *bank, int64_t lane, double share)
     }
     return sum;
 }
+
+FB_OFTEN
 
 #endif

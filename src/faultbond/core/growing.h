@@ -33,6 +33,8 @@ typedef struct {
     double value[FB_ROOM(LARGEST_SET)]; /* factors of its members to begin at */
 } Choice;
 
+FB_SELDOM
+
 /* What one more suspect would add to the likelihood of a lane, and its change. mean, variance: of its narrow prior; found, after:
    those that it has in the lane. */
 static double gain_from(double mean, double variance, double found, double after, int index, double *change)
@@ -241,5 +243,7 @@ static int replace_grown(Bank *bank, int64_t lane, double (*group)[GROUP], int64
 {
     return group[PLAIN_LIKELIHOOD][l] > likelihood_or_none(bank, lane) && replace_lane(bank, lane, group, l, PLAIN_NUMBERS);
 }
+
+FB_OFTEN
 
 #endif

@@ -12,6 +12,8 @@
 #define MOVES_SDS 2.0    /* of its sd a rate has to be for what has it to move, or what moved as much likelier than a step */
 #define STILL 4.0        /* sd of what is usual by which a value may move and count as settled */
 
+FB_SELDOM
+
 /* Parameters of a hypothesis, and how many; none of an instrument. */
 static int members_of(int64_t hypothesis, const int **members)
 {
@@ -161,5 +163,7 @@ static void judge_value(const State *state, int64_t lane, int64_t k, Suspect *su
     suspect->moved = far;
     suspect->sd = sqrt(left / share + moved * moved);
 }
+
+FB_OFTEN
 
 #endif

@@ -35,7 +35,7 @@
 #define FB_RESTRICT restrict
 #endif
 
-/* What runs seldom, between FB_SELDOM and FB_OFTEN, is not optimised far where the text can ask for that: it is half of what
+/* What runs seldom, between FB_SELDOM and FB_OFTEN, is not optimised far where the text can ask for that: it is two thirds of what
    there is to compile, and a first run waits for it. */
 #if defined(__OPTIMIZE__) && defined(__GNUC__) && !defined(__clang__)
 #define FB_SELDOM _Pragma("GCC push_options") _Pragma("GCC optimize(\"Og\")")

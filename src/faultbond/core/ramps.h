@@ -57,6 +57,8 @@ static void end_ramps(const int64_t *age, const double *extra, double time, Slot
     for (int i = 0; i < WIDE_JOINT; i++) gone[i < rate ? WIDE_PLACE(i, rate) : WIDE_PLACE(rate, i)] = broadcast(0.0);
 }
 
+FB_SELDOM
+
 /* Begin a group of pairs at an onset: they move. drift: the first lane of each. */
 static void begin_ramps(const int64_t *drift, const Trail *trail, int64_t onset, const double *peak, double (*moves)[GROUP],
                         double (*stays)[GROUP], SlotMemory *memory)
@@ -68,6 +70,8 @@ static void begin_ramps(const int64_t *drift, const Trail *trail, int64_t onset,
         stays[WIDE_LIKELIHOOD][l] = LOWEST; /* none has ended yet */
     }
 }
+
+FB_OFTEN
 
 /* Take samples of the trail, or after it, from one place up to another into a group of pairs. onset: sample at which each
    began. */
@@ -93,6 +97,8 @@ static void run_ramps(double (*moves)[GROUP], double (*stays)[GROUP], const Trai
         }
     }
 }
+
+FB_SELDOM
 
 /* Log-likelihoods of a group of pairs, both their lanes together. */
 static void join_ramps(double (*moves)[GROUP], double (*stays)[GROUP], double *both)
@@ -156,6 +162,8 @@ static void choose_ramps(Bank *bank, int64_t *drift, int64_t *begins)
         begins[n] = begins[0];
     }
 }
+
+FB_OFTEN
 
 /* Whether a lane that begins at the onset rests. */
 static inline int rests(const Bank *bank, int64_t lane) { return bank->rests[BLOCKS(N_STEPS) + lane / GROUP] != 0; }

@@ -34,6 +34,8 @@ typedef struct {
     Given given;                                    /* and how suspects depend on other parameters */
 } Ranking;
 
+FB_SELDOM
+
 static int is_out(const Bank *bank, int out, int64_t hypothesis)
 {
     return (out & OUT_REJECTED) && bank->rejected[hypothesis];
@@ -237,5 +239,7 @@ static void rank(const State *state, const Ranking *ranking, Diagnosis *found)
         find_suspects(state, ranking->best[k], candidate);
     }
 }
+
+FB_OFTEN
 
 #endif

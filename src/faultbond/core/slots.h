@@ -77,6 +77,8 @@ static void narrow(const double *wide, double weight, int parameter, double *pla
     plain[PLAIN_LIKELIHOOD] = wide[WIDE_LIKELIHOOD];
 }
 
+FB_SELDOM
+
 /* A plain lane with the states of `healthy`, which it may be, and the parameters of `old`, uncorrelated. */
 static void unlearned(const double *healthy, const double *old, double *lane)
 {
@@ -247,6 +249,8 @@ static void walk_on(const Walk *walk, int64_t t, int part, lanes *lane)
     lane[WIDE_PLACE(AT_SLOT, AT_SLOT)] += load(more);
 }
 
+FB_OFTEN
+
 /* Take one sample, as lanes of the bank have it, into vectors of wide lanes; leaves the innovations in the filter. */
 static void step_wide(lanes *lane, const double *sample, const Normal *normal, Filter_wide *filter)
 {
@@ -306,6 +310,8 @@ static void take_slots(Bank *bank, int64_t first, int64_t apart, int64_t n, lane
 static inline int64_t in_block(int64_t first, int64_t n) { return n - first < FB_LANES ? n - first : FB_LANES; }
 static inline int64_t in_group(int64_t first, int64_t n) { return n - first < GROUP ? n - first : GROUP; }
 
+FB_SELDOM
+
 /* Whether lanes of this fault are begun again: all that may be in a couple. What begins again has the better onset: were it not
    begun again by itself, a needless second suspect would bring that. */
 static inline int is_renewed(int64_t k) { return SLOT_KIND[k] != KIND_NOISE && SLOT_KIND[k] != KIND_RAMP; }
@@ -337,6 +343,8 @@ static void begin_slots(const int64_t *lane, double (*found)[FOUND], const Trail
         }
     }
 }
+
+FB_OFTEN
 
 /* A mixture of weight w of one number and the rest of another; what has no weight may be anything. */
 static inline lanes blend(lanes w, lanes own, lanes other)
@@ -456,6 +464,8 @@ static void join_innovations(SlotMemory *memory)
     }
 }
 
+FB_SELDOM
+
 /* Begin a group of pairs, healthy at the oldest sample; `there` and `gone` are their lanes, `first` the first pair. */
 static void begin_pairs(int64_t first, const Trail *trail, const double *peak, double (*there)[GROUP], double (*gone)[GROUP],
                         SlotMemory *memory)
@@ -469,6 +479,8 @@ static void begin_pairs(int64_t first, const Trail *trail, const double *peak, d
         there[WIDE_LIKELIHOOD][l] = LOWEST; /* healthy so far */
     }
 }
+
+FB_OFTEN
 
 /* Take samples of the trail, or after it, from one place up to another into a group of pairs. */
 static void run_pairs(double (*there)[GROUP], double (*gone)[GROUP], const Trail *trail, int64_t from, int64_t end,
@@ -552,6 +564,8 @@ static inline double likelihood_of_slot(Bank *bank, int64_t lane)
     return isnan(likelihood) ? -INFINITY : likelihood;
 }
 
+FB_SELDOM
+
 /* Find the lanes of each fault that are begun again. The spread is that of the least likely of them, or, of a bias, the
    widest: else what was found would count twice. What begins as at first has its own spread, and takes its own place. */
 static int64_t find_renewed(Bank *bank, Renewed *renewed)
@@ -595,5 +609,7 @@ static int64_t replace_worst_slot(Bank *bank, const Renewed *renewed, double (*g
     put_slot(bank, renewed->worst, group, l);
     return renewed->worst;
 }
+
+FB_OFTEN
 
 #endif

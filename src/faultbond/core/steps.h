@@ -43,6 +43,8 @@ typedef struct {
 /* Place of a covariance in a plain lane, in either order. */
 static inline int64_t plain_place(int64_t i, int64_t j) { return i <= j ? PLAIN_PLACE(i, j) : PLAIN_PLACE(j, i); }
 
+FB_SELDOM
+
 /* Let number i of a lane be what it is and `factor` times number k: its row and column of the covariance. */
 static void add_to_row(double *lane, int64_t i, int64_t k, double factor)
 {
@@ -149,6 +151,8 @@ static void begin_steps(const Start *starts, const Trail *trail, int64_t onset, 
     for (int64_t l = 0; l < GROUP; l++) group[PLAIN_LIKELIHOOD][l] = likelihood;
 }
 
+FB_OFTEN
+
 /* Take samples of the trail, or after it, from one place up to another into a group of lanes; `onset`: the place at which
    these stand already. */
 static void run_steps(double (*group)[GROUP], const Trail *trail, int64_t from, int64_t end, int64_t onset,
@@ -170,6 +174,8 @@ static void run_steps(double (*group)[GROUP], const Trail *trail, int64_t from, 
         for (int64_t k = 0; k < PLAIN_NUMBERS; k++) store(group[k] + part, work->lane[k]);
     }
 }
+
+FB_SELDOM
 
 /* The start of a lane of the plan. */
 static void planned_start(int64_t lane, Start *start)
@@ -226,6 +232,8 @@ static void fill_last_block(Bank *bank)
             *number_of_step(bank, lane, k) = *number_of_step(bank, lane - lane % GROUP, k);
 }
 
+FB_OFTEN
+
 /* Whether any lane of a block has begun: one of the plan, of which so many have, or one of a set that was taken from the
    reserve. */
 static int has_begun(const Bank *bank, int64_t block, int64_t n_begun)
@@ -256,6 +264,8 @@ static inline double likelihood_of(Bank *bank, int64_t lane)
 {
     return finite_or_lowest(*number_of_step(bank, lane, PLAIN_LIKELIHOOD));
 }
+
+FB_SELDOM
 
 /* The likeliest lane of a set, and the least likely one. */
 static int64_t likeliest_lane(Bank *bank, int64_t set)
@@ -372,5 +382,7 @@ static int64_t replace_worst(Bank *bank, int64_t set, double (*group)[GROUP], in
     if (!(finite_or_lowest(group[PLAIN_LIKELIHOOD][l]) > likelihood_of(bank, worst))) return -1;
     return replace_lane(bank, worst, group, l, PLAIN_NUMBERS) ? worst : -1;
 }
+
+FB_OFTEN
 
 #endif

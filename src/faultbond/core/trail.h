@@ -54,6 +54,8 @@ static void bank_sample(const double *packed, double *sample)
     sample[SAMPLE_BOUND] = BANK_BOUND;
 }
 
+FB_SELDOM
+
 /* Begin the slow errors of a plain lane anew, as where its parameters are those of another time. */
 static void forget_slow_errors(double *lane)
 {
@@ -101,5 +103,7 @@ static void find_bursts(Trail *trail)
         trail->bursts[at] = place;
     }
 }
+
+FB_OFTEN
 
 #endif

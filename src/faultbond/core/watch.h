@@ -27,6 +27,8 @@ typedef struct {
     double gathered[MOST_FIRST][N_SAMPLE], mean[FB_ROOM(N_STATES)], covariance[FB_ROOM(AT_SLOT * AT_SLOT)];
 } Work;
 
+FB_SELDOM
+
 /* Begin to learn what the sensors show, and how far the states go. */
 static void begin_shown(Sensors *sensors)
 {
@@ -72,6 +74,8 @@ static void begin_state(State *state, double t0, int64_t quiet)
     forget_sure(&state->sure);
     state->alarm.walker = state->alarm.window = state->alarm.old = -1;
 }
+
+FB_OFTEN
 
 /* A report without anything in it. */
 static void report_nothing(Report *report, int64_t status)
@@ -119,6 +123,8 @@ static void remember(State *state, const double *lane, double *walks)
     judge_walks(state->clock.index, &state->clock, &state->inputs, state->normal.rates, healthy, walks);
     keep_for_long(state->clock.index, &state->clock, 1, healthy);
 }
+
+FB_SELDOM
 
 /* The lane of long ago from which drifts under way begin: that from before a walk that raised the alarm, else the oldest of the
    windows up to OLD_WINDOW; NULL: none is kept. */
@@ -240,6 +246,8 @@ static void gather(State *state, Report *report, Work *work)
     report->wild = wild;
 }
 
+FB_OFTEN
+
 /* Whether it is time for a diagnosis: every so many samples after an alarm, once the bank has begun, and as soon as it has. */
 static int is_due(const State *state)
 {
@@ -316,6 +324,8 @@ static void filter_sample(State *state, int64_t wild, Report *report, Diagnosis 
     report->wild = wild;
 }
 
+FB_SELDOM
+
 /* Take a sample at which the model does not hold. Nothing is judged: no sum grows, no lane becomes likelier, and no time passes
    for what waits for samples that are. */
 static void pass_outside(State *state, const Sample *sample, Report *report, Diagnosis *found, Work *work)
@@ -343,6 +353,8 @@ static void pass_outside(State *state, const Sample *sample, Report *report, Dia
     report->due = is_due(state);
     if (report->due) conclude(state, found, &work->ranking);
 }
+
+FB_OFTEN
 
 /* Whether every input has had a value; while it has not, those of the sample are held. */
 static int has_inputs(Inputs *inputs, const Sample *sample)

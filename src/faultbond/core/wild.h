@@ -37,6 +37,8 @@ typedef struct {
     double one[PLAIN_NUMBERS], two[PLAIN_NUMBERS];
 } SampleMemory;
 
+FB_SELDOM
+
 static void keep_version(const State *state, Version *version)
 {
     version->clock = state->clock;
@@ -52,6 +54,8 @@ static void go_by_version(State *state, const Version *version)
     memcpy(state->healthy.astray, version->astray, sizeof version->astray);
     memcpy(state->healthy.lane, version->lane, sizeof version->lane);
 }
+
+FB_OFTEN
 
 /* Take inputs that are refused out of a sample, and remember them; gives how many there are. */
 static int screen(const Clock *clock, Inputs *inputs, Sample *sample)
@@ -89,6 +93,8 @@ static void take_sample(State *state, const Sample *sample, double *packed, Tria
             if (isfinite(inputs->odd[DIRECT_INPUT[e]])) packed[SAMPLE_SCALE + j] = BLANK_FACTOR;
     if (guessed) allow(&state->healthy, &state->normal, change, count, packed, trial, work);
 }
+
+FB_SELDOM
 
 /* Go on as if the inputs that were refused at the last sample were real; `has_rival`: a filter has run beside as if so. */
 static void believe(State *state, int has_rival)
@@ -149,6 +155,8 @@ static void doubt_past(const State *state, const Version *real, const double *ot
     }
 }
 
+FB_OFTEN
+
 /* Largest innovation of a packed sample in its standard deviation. */
 static double wildness_of(const double *packed, const double *innovations)
 {
@@ -161,6 +169,8 @@ static double wildness_of(const double *packed, const double *innovations)
     }
     return most;
 }
+
+FB_SELDOM
 
 /* Keep the samples after number `since` as they are if the inputs that waited from then on are real: from them lanes begin at an
    alarm. lane: memory. */
@@ -228,6 +238,8 @@ static int64_t decide_inputs(State *state, const Sample *sample, double *packed,
     return 0;
 }
 
+FB_OFTEN
+
 /* Pack a sample, without the faults that were accepted; every input has had a value. The state becomes that after it but for
    the healthy lane, which stays before it, and is the rival where that is believed. `earlier` [N_INPUTS]: the inputs two
    samples ago, which `without_spike` asks for. Gives how many inputs are wild. */
@@ -242,6 +254,8 @@ static int64_t admit(State *state, const Sample *sample, double *earlier, double
     take_sample(state, sample, packed, &memory->trial, work);
     return 0;
 }
+
+FB_SELDOM
 
 /* Change a packed sample to what it is if inputs that left their value for one sample had not, if the readings say so; gives
    1 where they do. `lane`: the healthy one before the sample, `earlier`: see `admit`. */
@@ -265,6 +279,8 @@ static int without_spike(const Normal *normal, const double *lane, const double 
     return 1;
 }
 
+FB_OFTEN
+
 /* Widen what sensor j has shown by a reading. */
 static void show(Sensors *sensors, int j, double y)
 {
@@ -279,6 +295,8 @@ static double within(const Sensors *sensors, int j, double widths, double y)
     const double beyond = widths * larger(high - low, LEAST_WIDTH * OUTPUT_NOISE[j]);
     return low <= high ? bounded(y, low - beyond, high + beyond) : y;
 }
+
+FB_SELDOM
 
 /* Take wild readings out of a packed sample, by the innovations [2 * N_OUTPUTS] of the healthy filter, and learn what the
    sensors show; `clock` after packing it. Gives how many were wild; the sample is as it was where none is. */
@@ -307,5 +325,7 @@ static int64_t judge(const Clock *clock, Sensors *sensors, const double *innovat
     }
     return found;
 }
+
+FB_OFTEN
 
 #endif

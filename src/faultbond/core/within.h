@@ -14,6 +14,8 @@
 #define MOVES_BY 0.5 /* sd by which a healthy parameter may move, in its accuracy */
 #define FAINT 1e-15  /* part of what a hypothesis is worth that stays with it */
 
+FB_SELDOM
+
 /* Logarithm of the normal density, but for a constant. */
 static double log_density(double off, double variance) { return -0.5 * (off * off / variance + log(variance)); }
 
@@ -185,5 +187,7 @@ static void leave_out_small(const State *state, Ranking *ranking)
         if (ranking->shared[k] > 0.0) ranking->score[k] = top + log(ranking->shared[k]);
     ranking->within = log(ranking->within) + top;
 }
+
+FB_OFTEN
 
 #endif
