@@ -15,7 +15,7 @@ from faultbond.service.asset import Asset
 from faultbond.service.contract.face import Request
 from faultbond.service.contract.messages import Action, Arrivals, Deed
 from faultbond.service.contract.offline import FileKind
-from faultbond.service.contract.store import Commit
+from faultbond.service.contract.store import Commit, Forgotten
 from faultbond.service.offline.desk import OfflineDesk
 from faultbond.service.offline.limits import OfflineLimits
 from faultbond.service.station import FORGET_EVERY
@@ -527,9 +527,9 @@ class Retaining(MemoryStore):
         super().__init__()
         self.asked: list[tuple[float | None, int | None]] = []
 
-    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> int:
+    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> Forgotten:
         self.asked.append((older_than, at_most))
-        return 5 if len(self.asked) == 1 else 0
+        return Forgotten(points=5 if len(self.asked) == 1 else 0)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.contract.messages import Action, AuditEntry, Curves, Deed, NamedRecord
-from faultbond.service.contract.store import Commit, Enrolment, LogPlace
+from faultbond.service.contract.store import Commit, Enrolment, Forgotten, LogPlace
 from faultbond.service.store.checkpoints import stand_of, write_checkpoint
 from faultbond.service.store.chunks import curves_at
 from faultbond.service.store.database import Database
@@ -200,8 +200,8 @@ class RelationalStore:
         found = CURVES.join(parts)
         return found if most is None else thinned(found, most)
 
-    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> int:
-        """Forget rows and curves, never records or deeds, and give how many rows went; see `contract.store.LogStore`.
+    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> Forgotten:
+        """Forget rows and curves, never records or deeds, and give what went; see `contract.store.LogStore`.
 
         A large chunk goes as a whole, once all of it may go. So does what the oldest checkpoint that is kept needs.
         """
