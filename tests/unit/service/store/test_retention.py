@@ -137,7 +137,7 @@ def test_at_its_bound_a_store_forgets_seldom(store: RelationalStore, monkeypatch
 
 
 def test_what_goes_of_curves_alone_is_told(store: RelationalStore, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where only curves may go, a call that lets some of them go says so: who asks until none goes frees all of them."""
+    """Where only curves may go, a call that lets some go says so: who asks until none goes frees all of them."""
     store.commit([Commit(asset="pump", rows=some_rows(0, 5000), curves=some_curves(0, 5000))])
     monkeypatch.setattr(retention, "AT_ONCE", 1)
     monkeypatch.setattr(retention, "AT_A_CALL", 2)
