@@ -259,13 +259,26 @@ class Service:
         Raises
         ------
         StoreError
-            Where it cannot be kept.
+            Where it cannot be kept, for as long as who wants something waits.
         """
-        await asyncio.to_thread(self._note, entry)
+        clock = asyncio.get_running_loop().time
+        ends = clock() + DEED_PATIENCE
+        while (error := await asyncio.to_thread(self._noted, entry, ends - clock())) is not None:
+            if clock() + RETRY >= ends:
+                raise StoreError(f"{error} Nothing was done; try again.")
+            await asyncio.sleep(RETRY)
 
-    def _note(self, entry: AuditEntry) -> None:
-        with self._lock:
+    def _noted(self, entry: AuditEntry, patience: float) -> StoreError | None:
+        """Keep what a person did, once others let go of the store; give why that cannot be."""
+        if not self._lock.acquire(timeout=max(patience, 0.0)):
+            return StoreError(self._kept.trouble or "The service is busy.")
+        try:
             self._store.note(entry)
+        except StoreError as error:
+            return error
+        finally:
+            self._lock.release()
+        return None
 
     # The tasks.
 

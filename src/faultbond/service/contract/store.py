@@ -130,7 +130,10 @@ class LogStore(Protocol):
         """Give what people did, in order; `newest`: only so many."""
 
     def note(self, entry: AuditEntry) -> None:
-        """Write what a person did that is about no asset; on the disk when this returns."""
+        """Write what a person did that is about no asset; on the disk when this returns.
+
+        Who tries again gives the same entry, which is then written once.
+        """
 
     def audit(self) -> Iterator[AuditEntry]:
         """Give what was noted, in order."""
