@@ -36,6 +36,25 @@ def test_the_same_bytes_are_compiled_once(kept: Path, tmp_path: Path, monkeypatc
     assert len(list(kept.iterdir())) == 5
 
 
+@pytest.mark.parametrize("which", ["folder", "file", "link"])
+def test_what_others_may_write_is_not_believed(kept: Path, tmp_path: Path, which: str) -> None:
+    """Code of a folder or a file that others may have put there, or may change, is not run; it is compiled anew."""
+    compiled_once(TEXT, tmp_path / "first", COMMAND)
+    (place,) = kept.iterdir()
+    place.write_bytes(b"as another wrote it")
+    match which:
+        case "folder":
+            kept.chmod(0o770)
+        case "file":
+            place.chmod(0o702)
+        case "link":
+            kept.rename(tmp_path / "elsewhere")
+            kept.symlink_to(tmp_path / "elsewhere")
+    assert compiled_once(TEXT, tmp_path / "again", COMMAND).read_bytes() != b"as another wrote it"
+    if which != "file":
+        assert place.read_bytes() == b"as another wrote it", "nothing is put where others may write"
+
+
 def test_what_fails_is_not_kept(kept: Path, tmp_path: Path) -> None:
     """A warning fails each time, whether something is written or the text is only read."""
     text = "int answer(void) { int unused = 1; return 42; }\n"

@@ -143,13 +143,13 @@ def tuples(tree: ast.Module) -> dict[str, set[str]]:
 
 @cache
 def exceptions() -> set[str]:
-    """Give the names of all exceptions: those of Python and of the modules of its library that are used, and ours."""
+    """Give the names of all exceptions: those of Python and of what is used of its library and of fastapi, and ours."""
     nodes = [node for path in MODULES for node in ast.walk(tree_of(path))]
     imported = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
     imported |= {node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module}
     known = {
         name
-        for module in {"builtins", *imported & sys.stdlib_module_names}
+        for module in {"builtins", *imported & (sys.stdlib_module_names | {"fastapi"})}
         for name, item in vars(import_module(module)).items()
         if isinstance(item, type) and issubclass(item, BaseException)
     }

@@ -39,7 +39,7 @@ class Mosquitto:
         """Start it, and wait until it answers."""
         command = [str(MOSQUITTO), "-c", str(self._file)]
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        until = time.monotonic() + 10.0
+        until = time.monotonic() + 60.0
         while time.monotonic() < until:
             with socket.socket() as tried:
                 if tried.connect_ex(("127.0.0.1", self.port)) == 0:

@@ -2,8 +2,8 @@
 
 import asyncio
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import aclosing
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Mapping, Sequence
+from contextlib import aclosing, asynccontextmanager
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -18,6 +18,7 @@ from faultbond.model.text import load_model
 from faultbond.service.contract.messages import Arrivals
 from faultbond.service.contract.source import LiveSource, Subscriber
 
+WAITS = 60.0  # s for what comes at once where the machine has nothing else to do
 COLUMNS = Columns(
     time=TimeColumn(),
     inputs=(Column(header="u", unit=Unit("percent"), role="input u", lower=0.0, upper=100.0),),
@@ -94,11 +95,51 @@ async def gather(
     return found
 
 
+@asynccontextmanager
+async def listening(
+    source: LiveSource, enough: Callable[[Gathered], bool] = lambda found: False, into: Gathered | None = None
+) -> AsyncIterator[asyncio.Task[Gathered]]:
+    """Gather meanwhile, once the source has its other side; the task ends when it is enough, or the source fails."""
+    found = Gathered() if into is None else into
+    before = len(found.arrivals)
+    task = asyncio.create_task(gather(source, enough, into=found))
+    try:
+        while len(found.arrivals) == before and not task.done():
+            await asyncio.sleep(0.005)
+        yield task
+    finally:
+        task.cancel()
+
+
+class Announced:
+    """A source that says when it first has its other side.
+
+    Parameters
+    ----------
+    source : what it is
+    """
+
+    def __init__(self, source: LiveSource) -> None:
+        self._source, self.is_connected = source, asyncio.Event()
+
+    @property
+    def address(self) -> str:
+        """See `LiveSource`."""
+        return self._source.address
+
+    async def arrivals(self, cursors: Mapping[str, str]) -> AsyncGenerator[Arrivals, None]:
+        """See `LiveSource`."""
+        async with aclosing(self._source.arrivals(cursors)) as arrivals:
+            async for item in arrivals:
+                self.is_connected.set()
+                yield item
+
+
 def gathered(
     source: LiveSource,
     enough: Callable[[Gathered], bool] = lambda found: False,
     cursors: Mapping[str, str] | None = None,
-    seconds: float = 20.0,
+    seconds: float = WAITS,
 ) -> Gathered:
     """Do so in a loop of its own, within some time."""
 

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import stat
 import subprocess
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -45,9 +46,10 @@ def made_once(told: Sequence[str], target: Path, make: Callable[[], bytes]) -> P
     """Make a file, unless that was done before of all that is told; `make` gives what is kept of it."""
     kept = KEPT / sha256("\0".join(told).encode()).hexdigest()
     with suppress(OSError):
-        os.utime(kept)
-        shutil.copy(kept, target)
-        return target
+        if _is_ours(KEPT) and _is_ours(kept):  # it is code that is run
+            os.utime(kept)
+            shutil.copy(kept, target)
+            return target
     content = make()
     with suppress(OSError):  # without a place to keep it, it is made again the next time
         _keep(kept, content)
@@ -65,6 +67,8 @@ def _around() -> tuple[str, ...]:
 def _keep(place: Path, content: bytes) -> None:
     """Put a file into its place as a whole; what was not used for longest makes room."""
     KEPT.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if not _is_ours(KEPT):
+        return
     draft = place.with_suffix(f".{os.getpid()}")
     draft.write_bytes(content)
     draft.chmod(0o700)
@@ -74,6 +78,13 @@ def _keep(place: Path, content: bytes) -> None:
         room -= size
         if room < 0:
             path.unlink(missing_ok=True)
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether only this user, or the system's, may write a file or a folder, and it is no link to another."""
+    about = path.lstat()
+    others = stat.S_IWGRP | stat.S_IWOTH
+    return about.st_uid in (os.geteuid(), 0) and not stat.S_ISLNK(about.st_mode) and not about.st_mode & others
 
 
 def _newest_first() -> Iterator[tuple[Path, int]]:

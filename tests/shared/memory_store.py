@@ -11,7 +11,7 @@ import numpy as np
 from faultbond.errors import StoreError
 from faultbond.io.row_block import Row, RowBlock, block_of_rows
 from faultbond.service.contract.messages import AuditEntry, Curves, Deed, NamedRecord
-from faultbond.service.contract.store import Commit, Enrolment, LogPlace
+from faultbond.service.contract.store import Commit, Enrolment, Forgotten, LogPlace
 from faultbond.service.store.peaks import thinned
 
 KEPT = 3  # checkpoints of a log
@@ -185,19 +185,21 @@ class MemoryStore:
         found = Curves(**{name: np.concatenate([getattr(point, name) for point in points]) for name in names})
         return found if most is None else thinned(found, most)
 
-    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> int:
+    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> Forgotten:
         """Forget by age what may go; at_most: all that may go, unless it is larger than any store."""
         limit = -inf if older_than is None else older_than
         if at_most is not None and at_most < 2**40:
             limit = inf
-        gone = 0
+        rows = points = 0
         for log in self.logs.values():
             needed = log.checkpoints[0].checkpoint_rows if log.checkpoints else 0
             for k, row in enumerate(log.rows[:needed]):
                 if row is not None and row[0] < limit:
-                    log.rows[k], gone = None, gone + 1
-            log.points = [point if point is None or point[0] >= limit else None for point in log.points]
-        return gone
+                    log.rows[k], rows = None, rows + 1
+            for k, point in enumerate(log.points):
+                if point is not None and point[0] < limit:
+                    log.points[k], points = None, points + 1
+        return Forgotten(rows=rows, points=points)
 
     def close(self) -> None:
         """Nothing is left open."""

@@ -5,6 +5,7 @@ from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping, Sequen
 from dataclasses import replace
 from typing import Any
 
+from arriving import Announced
 from faultbond.errors import SourceError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.contract.face import Request, Shown
@@ -17,7 +18,7 @@ from faultbond.service.supervisor import RestartPolicy
 from loop_asset import FOUND, plant, rows
 from memory_store import MemoryStore
 
-TIMEOUT = 60.0
+TIMEOUT = 300.0  # s after which a test hangs, however busy the machine is
 TODAY = 1_795_000_000.0  # Unix s
 QUICK = RestartPolicy(most=3, delay=0.01, longest=0.02)
 
@@ -85,7 +86,9 @@ class PlayedSource:
 
 
 class Played:
-    """A service that watches the loop in a test."""
+    """A service that watches the loop in a test. announced: its source."""
+
+    announced: Announced
 
     def __init__(
         self,
@@ -102,12 +105,17 @@ class Played:
         self.store: Any = store or MemoryStore()
         self._said, self.source = source, PlayedSource(self.clock, ())
         opened = self._opened if opened is None else opened
+
+        def announced(address: str, subscribers: Sequence[Subscriber]) -> LiveSource:
+            self.announced = Announced(opened(address, subscribers))
+            return self.announced
+
         listed = tuple(SiteAsset(name=name, plant=plant(), source="played:") for name in assets)
         site = Site(name="hall", assets=listed, **(more or {}))
         self.service = Service(
             site,
             self.store,
-            opened,
+            announced,
             hear=hear,
             clock=self.clock,
             steady=steady or self.steady,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from faultbond.errors import ModelError
-from faultbond.model.source import shown_path
+from faultbond.model.source import SMALLER, shown_path
 
 MAX_BYTES = 2**20
 CIRCUIT_SUFFIX = ".xml"
@@ -38,8 +38,10 @@ class ModelDocument:
 ModelFile: TypeAlias = str | os.PathLike[str] | ModelDocument  # a path, or what was read of it
 
 
-def read_document(path: ModelFile, what: str = "model file") -> ModelDocument:
+def read_document(path: ModelFile, what: str = "model file", smaller: str = SMALLER) -> ModelDocument:
     """Read a model file, or another one of its kind, 1 MiB at most; one that was read is given back.
+
+    what: the word for such a file. smaller: what to do where it is too large.
 
     Raises
     ------
@@ -56,7 +58,7 @@ def read_document(path: ModelFile, what: str = "model file") -> ModelDocument:
         reason = getattr(error, "strerror", None) or "not a file name"
         raise ModelError(f"{label}: cannot be read: {reason}; give the path of a {what}") from None
     if len(data) > MAX_BYTES:
-        raise ModelError(f"{label}: more than {MAX_BYTES} bytes; split the plant into several models")
+        raise ModelError(f"{label}: more than {MAX_BYTES} bytes; {smaller}")
     return ModelDocument(label=label, data=data)
 
 

@@ -12,6 +12,7 @@ from faultbond.errors import ModelError
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 MAX_SHOWN = 60
+SMALLER = "split the plant into several models"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,11 +74,15 @@ def choice(word: str, known: Iterable[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where a model comes from; starts every message about it. what: the word for such a file."""
+    """Where a model, or another file of its kind, comes from; starts every message about it.
+
+    what: the word for such a file. smaller: what to do where it is too large.
+    """
 
     label: str
     has_lines: bool = True
     what: str = "model"
+    smaller: str = SMALLER
 
     def at(self, place: Node | Entry | int) -> str:
         """Give the start of a message: `model.yaml:12: ` or `model pump: `."""

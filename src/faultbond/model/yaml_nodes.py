@@ -40,7 +40,7 @@ def read_yaml(text: str, source: Source) -> Table:
         than 5000 entries in one list or table, or more than 10 levels.
     """
     if len(text) > MAX_BYTES or len(text.encode("utf-8", "replace")) > MAX_BYTES:
-        raise source.error(0, f"the model has more than {MAX_BYTES} bytes; split the plant into several models")
+        raise source.error(0, f"the {source.what} has more than {MAX_BYTES} bytes; {source.smaller}")
     text = text.removeprefix("\ufeff")
     _check_letters(text, source)
     try:
@@ -65,7 +65,7 @@ def _check_letters(text: str, source: Source, line: int = 0) -> None:
     bad = _NOT_TEXT.search(text)
     if bad:
         line = line or text.count("\n", 0, bad.start()) + 1
-        raise source.error(line, f"character U+{ord(bad[0]):04X} cannot stand in a model; remove it")
+        raise source.error(line, f"character U+{ord(bad[0]):04X} cannot stand in a {source.what}; remove it")
 
 
 class _Composer:
@@ -101,7 +101,7 @@ class _Composer:
         if tag is not None:
             raise self.source.error(line, f"tag `{shown(str(tag))}`; remove it, every value is plain text")
         if depth > MAX_LEVELS:
-            raise self.source.error(line, f"more than {MAX_LEVELS} levels of nesting; a model needs 5")
+            raise self.source.error(line, f"more than {MAX_LEVELS} levels of nesting; a {self.source.what} needs 5")
         if isinstance(event, ScalarEvent):
             text = str(event.value)
             _check_letters(text, self.source, line)  # escapes in quotation marks may have put them there
@@ -119,7 +119,7 @@ class _Composer:
             count += 1
             if count > MAX_ENTRIES:
                 line = event.start_mark.line + 1 if event.start_mark else 0
-                problem = f"more than {MAX_ENTRIES} entries in one list or table; split the plant"
+                problem = f"more than {MAX_ENTRIES} entries in one list or table; {self.source.smaller}"
                 raise self.source.error(line, problem)
             yield self.node(event, depth + 1)
 

@@ -1,10 +1,12 @@
 """What a service watches, and how: from the command line, or from a file `site.yaml`."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+from urllib.parse import quote, unquote
 
 from faultbond.app.plant import WatchedPlant, find_plant
 from faultbond.app.wishes import DEMO, Wanted
@@ -31,9 +33,11 @@ SIMULATED = "sim:"
 STREAM = "-"  # standard input
 SHOWN = "sim:?speed=5&fault=K1=x1.85@300"  # of the built-in plant: after a minute, when much flows through the pipe
 LEAST_STORE = 10**7  # bytes of a store that is bounded: what is never forgotten has to fit, too
+FILE, SMALLER = "site file", "let several services watch the site, each with a file of its own"
 ROLES = ("view", "operate", "engineer")
 
 ASSETS = "write `assets: {NAME: {model: FILE}}`"
+_INPUTS = re.compile(r"(?<=[?&]inputs=)[^&]+")  # in the address of a simulation
 _FILE = Key(TEXT, "a file, taken from where the site file lies")
 SITE_KEYS = Keys(
     {
@@ -228,8 +232,8 @@ def read_site(path: Path, *, port: int | None = None, mistakes: Mistakes | None 
         Where the file cannot be read or says what no site has, all of it by its lines.
     """
     found = mistakes or Mistakes()
-    document = read_document(path, "site file")
-    source, folder = Source(document.label, what="site file"), path.parent
+    document = read_document(path, FILE, SMALLER)
+    source, folder = Source(document.label, what=FILE, smaller=SMALLER), path.parent
     told = Spot(source, "site", Entry("", read_yaml(document.text, source))).fields(SITE_KEYS, "", note=found.note)
 
     def section(key: str, keys: Keys) -> dict[str, Spot]:
@@ -317,6 +321,8 @@ def _assets(told: Mapping[str, Spot], folder: Path, mistakes: Mistakes) -> Itera
 def _address(source: str, folder: Path) -> str:
     """Give the address of a source; a file is taken from where the site file lies."""
     scheme, colon, path = source.partition(":")
+    if scheme.lower() == "sim":
+        return _INPUTS.sub(lambda found: quote(str(folder / unquote(found[0]))), source)
     is_own = scheme.lower() == "file" and path and not path.startswith(("/", "~"))
     return f"{scheme}{colon}{folder / path}" if is_own else source
 

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 
 from faultbond.model.source import shown
 from faultbond.model.spot import Spot
+from faultbond.report.byte_size import UNITS, size_text
 
-UNITS = {"": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
-_SIZE = re.compile(r"([0-9]+(?:\.[0-9]+)?) ?(|kB|MB|GB|TB)")
+_SIZE = re.compile(rf"([0-9]+(?:\.[0-9]+)?) ?(|{'|'.join(UNITS)})")
 
 
 def read_number(fields: Mapping[str, Spot], key: str, least: float, most: float) -> float | None:
@@ -57,12 +57,9 @@ def read_size(fields: Mapping[str, Spot], key: str, least: int) -> int | None:
         return None
     place = fields[key]
     found = _SIZE.fullmatch(place.text())
-    value = round(float(found[1]) * UNITS[found[2]]) if found else 0
+    value = round(float(found[1]) * UNITS.get(found[2], 1)) if found else 0
     if not least <= value <= 1000 * UNITS["TB"]:
-        unit = next(name for name, factor in reversed(UNITS.items()) if least >= factor)
-        raise place.error(
-            f" is a size such as `20 GB`, from {least / UNITS[unit]:g} {unit} on, not `{shown(place.text())}`"
-        )
+        raise place.error(f" is a size such as `20 GB`, from {size_text(least)} on, not `{shown(place.text())}`")
     return value
 
 

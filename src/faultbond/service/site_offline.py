@@ -8,7 +8,8 @@ from faultbond.model.document import MAX_BYTES
 from faultbond.model.keys import TEXT, Key, Keys
 from faultbond.model.source import Text
 from faultbond.model.spot import Spot
-from faultbond.service.offline.limits import MB, OfflineLimits, size_text
+from faultbond.report.byte_size import MB, size_text
+from faultbond.service.offline.limits import OfflineLimits
 from faultbond.service.site_numbers import read_number, read_size, read_time, read_whole
 
 LONGEST = 7 * 86400.0  # s of a job

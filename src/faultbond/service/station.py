@@ -17,7 +17,7 @@ from faultbond.service.contract.face import Request, Shown
 from faultbond.service.contract.messages import Action, Arrivals, AuditEntry, Deed
 from faultbond.service.contract.sink import Sink
 from faultbond.service.contract.source import LiveSource, Subscriber
-from faultbond.service.contract.store import LogStore
+from faultbond.service.contract.store import Forgotten, LogStore
 from faultbond.service.hub import Hub
 from faultbond.service.offline.desk import OfflineDesk
 from faultbond.service.sinks.delivery import Deliveries
@@ -259,13 +259,26 @@ class Service:
         Raises
         ------
         StoreError
-            Where it cannot be kept.
+            Where it cannot be kept, for as long as who wants something waits.
         """
-        await asyncio.to_thread(self._note, entry)
+        clock = asyncio.get_running_loop().time
+        ends = clock() + DEED_PATIENCE
+        while (error := await asyncio.to_thread(self._noted, entry, ends - clock())) is not None:
+            if clock() + RETRY >= ends:
+                raise StoreError(f"{error} Nothing was done; try again.")
+            await asyncio.sleep(RETRY)
 
-    def _note(self, entry: AuditEntry) -> None:
-        with self._lock:
+    def _noted(self, entry: AuditEntry, patience: float) -> StoreError | None:
+        """Keep what a person did, once others let go of the store; give why that cannot be."""
+        if not self._lock.acquire(timeout=max(patience, 0.0)):
+            return StoreError(self._kept.trouble or "The service is busy.")
+        try:
             self._store.note(entry)
+        except StoreError as error:
+            return error
+        finally:
+            self._lock.release()
+        return None
 
     # The tasks.
 
@@ -432,8 +445,8 @@ class Service:
             if moved:
                 self._set_clock(moved)
             if self._steady() - forgotten >= FORGET_EVERY:
-                n_gone = await asyncio.to_thread(self._forget)
-                forgotten = forgotten if n_gone else self._steady()  # there may be more, after those who wait
+                went = await asyncio.to_thread(self._forget)
+                forgotten = forgotten if went.is_any else self._steady()  # there may be more, after those who wait
             summaries = await asyncio.to_thread(self._view.summaries)
             self._sinks.see(summaries)
             for summary in summaries:
@@ -453,15 +466,15 @@ class Service:
             part.since += moved
         self._view.set_clock(moved, f"{told}; it was then {clock_text(self._clock())}.")
 
-    def _forget(self) -> int:
-        """Forget rows and curves that are too old, and the oldest of a store that is too large; give how many went."""
+    def _forget(self) -> Forgotten:
+        """Forget rows and curves that are too old, and the oldest of a store that is too large; give what went."""
         days, size = self._site.days, self._site.size
         if days is None and size is None:
-            return 0
+            return Forgotten()
         older_than = None if days is None else self._wall.believed() - 86400.0 * days
         with self._lock, suppress(StoreError):  # a store that fails is told where it is written
             return self._store.retain(older_than=older_than, at_most=size)
-        return 0
+        return Forgotten()
 
     def _feed(self, address: str, open_source: Open) -> _Feed:
         fed = [item for item in self._site.assets if item.source == address]

@@ -80,8 +80,7 @@ def test_a_broker_that_is_killed_and_started_again(broker: Mosquitto) -> None:
     """The service goes on with what comes then, and is well before anything does."""
 
     async def course(played: Played) -> None:
-        await played.until(lambda: part_of(played)["ok"])
-        await asyncio.sleep(0.5)  # until it has subscribed
+        await played.announced.is_connected.wait()
         await publish(broker, 0, N // 3)
         await played.until(lambda: played.passed(N // 3))
         broker.kill()
@@ -143,7 +142,7 @@ def test_a_network_that_is_cut(broker: Mosquitto, monkeypatch: pytest.MonkeyPatc
         played = Played(opened=lambda _, subscribers: open_source(address, subscribers))
         running = asyncio.create_task(played.service.run())
         try:
-            await asyncio.sleep(0.7)  # until it has subscribed
+            await played.announced.is_connected.wait()
             await publish(broker, 0, N // 3)
             await played.until(lambda: played.passed(N // 3))
             wire.is_cut = True

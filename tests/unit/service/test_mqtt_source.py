@@ -6,37 +6,23 @@ import math
 import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 from benchmarks.shared.broker import MOSQUITTO, Mosquitto
 
-from arriving import COLUMNS, Gathered, gather, n_rows, subscriber
+from arriving import COLUMNS, WAITS, Gathered, gather, listening, n_rows, subscriber
 from faultbond.errors import FaultbondError, SourceError
 from faultbond.io.recording import Column, Columns
 from faultbond.model.graph import TimeColumn, Unit
-from faultbond.service.contract.source import LiveSource, Subscriber
+from faultbond.service.contract.source import Subscriber
 from faultbond.service.sources.opening import open_source
 from faultbond.service.sources.options import SourceOptions
 
 aiomqtt = pytest.importorskip("aiomqtt", reason="needs aiomqtt: pip install 'faultbond[mqtt]'")
 pytestmark = pytest.mark.skipif(MOSQUITTO is None, reason="needs the broker mosquitto")
 HOLDS = SourceOptions(hold={"one": ("u",)})
-Enough = Callable[[Gathered], bool]
-
-
-@asynccontextmanager
-async def listening(source: LiveSource, enough: Enough) -> AsyncIterator[asyncio.Task[Gathered]]:
-    """Listen meanwhile; the task ends when it is enough."""
-    task = asyncio.create_task(gather(source, enough))
-    await asyncio.sleep(0.3)  # until it has subscribed
-    try:
-        yield task
-    finally:
-        task.cancel()
 
 
 def heard(
@@ -47,21 +33,21 @@ def heard(
     items: tuple[Subscriber, ...] = (),
     options: SourceOptions | None = None,
 ) -> Gathered:
-    """Publish messages while a source listens, until so many rows of the first asset have come."""
+    """Publish messages while a source listens, until so many rows of each asset have come."""
 
     async def play() -> Gathered:
         chosen = items or (subscriber(),)
         source = open_source(f"mqtt://127.0.0.1:{broker.port}/{topic}", chosen, options)
         async with (
-            listening(source, n_rows(n, chosen[-1].asset)) as task,
+            listening(source, lambda found: all(n_rows(n, item.asset)(found) for item in chosen)) as task,
             aiomqtt.Client("127.0.0.1", broker.port) as client,
         ):
             for name, payload in messages:
                 text = payload if isinstance(payload, bytes) else json.dumps(payload)
                 await client.publish(name, text, qos=1)
-            return await asyncio.wait_for(task, 10.0)
+            return await asyncio.wait_for(task, WAITS)
 
-    return asyncio.run(asyncio.wait_for(play(), 20.0))
+    return asyncio.run(asyncio.wait_for(play(), 3.0 * WAITS))
 
 
 def test_an_object_is_a_row(broker: Mosquitto) -> None:
@@ -92,7 +78,7 @@ def test_values_of_topics_become_rows(broker: Mosquitto) -> None:
         ("plant/y", 3.5),
         ("plant/z", b"21.5"),
     ]
-    found = heard(broker, messages, 3, options=SourceOptions(patience=0.5, hold={"one": ("u",)})).rows()
+    found = heard(broker, messages, 3, options=SourceOptions(patience=3.0, hold={"one": ("u",)})).rows()
     np.testing.assert_allclose(found[0], [1.0, 40.0, 1000.0, 293.15])
     np.testing.assert_allclose(found[1], [2.0, 40.0, 2000.0, math.nan])
     assert abs(found[2, 0] - time.time()) < 30.0
@@ -150,7 +136,7 @@ def test_a_retained_value_without_a_time_is_not_of_now(broker: Mosquitto) -> Non
         source = open_source(f"mqtt://127.0.0.1:{broker.port}/plant/+?patience=0.2", [subscriber()], HOLDS)
         return await gather(source, n_rows(1))
 
-    found = asyncio.run(asyncio.wait_for(play(), 20.0))
+    found = asyncio.run(asyncio.wait_for(play(), 3.0 * WAITS))
     np.testing.assert_allclose(found.rows(), [[3.0, math.nan, math.nan, 278.15]])
     assert found.counts() == {"retained": 1}
 
@@ -161,15 +147,18 @@ def test_a_broker_that_was_killed_is_lost_and_found(broker: Mosquitto) -> None:
     async def play() -> None:
         source = open_source(f"mqtt://me:secret@127.0.0.1:{broker.port}/plant/one", [subscriber()])
         found = Gathered()
-        task = asyncio.create_task(gather(source, lambda seen: False, into=found))
-        await asyncio.sleep(0.3)
-        async with aiomqtt.Client("127.0.0.1", broker.port) as client:
+        async with (
+            listening(source, into=found) as task,
+            aiomqtt.Client("127.0.0.1", broker.port) as client,
+        ):
             await client.publish("plant/one", json.dumps({"time": 1, "u": 1, "y": 1, "z": 1}), qos=1)
             await client.publish("plant/one", json.dumps({"time": 2, "y": 1}), qos=1)
-        await asyncio.sleep(0.05)
-        await asyncio.to_thread(broker.kill)
-        with pytest.raises(SourceError, match=rf"^mqtt://me:\*\*\*@127.0.0.1:{broker.port}/plant/one: \S+"):
-            await asyncio.wait_for(task, 5.0)
+            await client.publish("plant/one", "{", qos=1)  # told at once, so that those before it have come
+            while "unreadable" not in found.counts():
+                await asyncio.sleep(0.005)
+            await asyncio.to_thread(broker.kill)
+            with pytest.raises(SourceError, match=rf"^mqtt://me:\*\*\*@127.0.0.1:{broker.port}/plant/one: \S+"):
+                await asyncio.wait_for(task, WAITS)
         assert found.rows()[:, 0].tolist() == [1.0, 2.0]
         with pytest.raises(SourceError, match="refused"):
             await gather(source)
@@ -179,9 +168,9 @@ def test_a_broker_that_was_killed_is_lost_and_found(broker: Mosquitto) -> None:
             aiomqtt.Client("127.0.0.1", broker.port) as client,
         ):
             await client.publish("plant/one", json.dumps({"time": 3, "u": 1, "y": 1, "z": 1}), qos=1)
-            assert (await asyncio.wait_for(again, 5.0)).rows()[:, 0].tolist() == [3.0]
+            assert (await asyncio.wait_for(again, WAITS)).rows()[:, 0].tolist() == [3.0]
 
-    asyncio.run(asyncio.wait_for(play(), 30.0))
+    asyncio.run(asyncio.wait_for(play(), 3.0 * WAITS))
 
 
 def test_passwords_open_and_are_not_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,14 +190,12 @@ def test_passwords_open_and_are_not_shown(tmp_path: Path, monkeypatch: pytest.Mo
     async def opens(address: str, options: SourceOptions | None = None) -> bool:
         source = open_source(address, [subscriber()], options)
         assert "sesame" not in source.address
-        task = asyncio.create_task(gather(source))
-        done, _ = await asyncio.wait({task}, timeout=1.0)
-        task.cancel()
-        if done:
-            error = task.exception()
-            assert isinstance(error, SourceError)
-            assert "sesame" not in str(error)
-        return not done
+        async with listening(source) as task:
+            if task.done():
+                error = task.exception()
+                assert isinstance(error, SourceError)
+                assert "sesame" not in str(error)
+            return not task.done()
 
     try:
         assert asyncio.run(opens(f"mqtt://me:open%20sesame@{place}"))
@@ -247,10 +234,10 @@ def test_tls_trusts_only_the_authority_that_is_given(tmp_path: Path) -> None:
             aiomqtt.Client("127.0.0.1", safe.port, tls_params=params) as client,
         ):
             await client.publish("plant/one", json.dumps({"time": 1, "u": 1, "y": 1, "z": 1}), qos=1)
-            assert len((await asyncio.wait_for(task, 5.0)).rows()) == 1
+            assert len((await asyncio.wait_for(task, WAITS)).rows()) == 1
 
     try:
-        asyncio.run(asyncio.wait_for(play(), 20.0))
+        asyncio.run(asyncio.wait_for(play(), 3.0 * WAITS))
     finally:
         safe.kill()
 
@@ -287,10 +274,10 @@ def test_twenty_signals_at_a_hundred_hertz(broker: Mosquitto, *, one_by_one: boo
                         await client.publish(f"plant/{name}", json.dumps({"time": now, "value": value}))
                 else:
                     await client.publish("plant/one", json.dumps({"time": now, **row}))
-            found = await asyncio.wait_for(task, 10.0)
+            found = await asyncio.wait_for(task, WAITS)
             return found, time.process_time() - used, time.monotonic() - begun
 
-    found, used, lasted = asyncio.run(asyncio.wait_for(play(), 40.0))
+    found, used, lasted = asyncio.run(asyncio.wait_for(play(), 3.0 * WAITS))
     rows = found.rows()
     np.testing.assert_array_equal(rows[:, 2:], np.arange(n)[:, None] + np.arange(1, 20))
     late = np.concatenate([item.arrived - item.rows.time for item in found.arrivals])

@@ -1,7 +1,8 @@
 """What a site file may say, and how mistakes in it are told."""
 
+import asyncio
 import socket
-from contextlib import closing
+from contextlib import aclosing, closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,8 +10,12 @@ import pytest
 
 from faultbond.cli.program import main
 from faultbond.errors import FaultbondError
+from faultbond.service.contract.messages import Arrivals
+from faultbond.service.contract.source import Subscriber
 from faultbond.service.offline.limits import OfflineLimits
 from faultbond.service.site import PORT, SIMULATED, read_site, site_of
+from faultbond.service.sources.opening import open_source
+from faultbond.service.sources.options import SourceOptions
 from faultbond.service.store.opening import open_store
 from faultbond.service.web.security import hashed
 
@@ -38,6 +43,8 @@ assets:
   left: {model: loop.yaml}
   right: {model: loop.yaml, source: "file:right.csv", accept: 0.9}
   far: {model: loop.yaml, topic: hall/far, hold: [V_I]}
+  twin: {model: loop.yaml, source: "sim:?speed=9&inputs=last%20week.csv&seed=2"}
+  same: {model: loop.yaml, source: "sim:?inputs=/kept/last.csv"}
   plc: {model: loop.yaml, source: "opc.tcp://plc", nodes: {V_R: ns=2;s=R}}
 connection: {user: anna, password_file: secret.txt}
 users:
@@ -53,6 +60,8 @@ users:
         ("left", "mqtt://broker/plant/+", 0.99),
         ("right", f"file:{tmp_path}/right.csv", 0.9),
         ("far", "mqtt://broker/plant/+", 0.99),
+        ("twin", f"sim:?speed=9&inputs={tmp_path}/last%20week.csv&seed=2", 0.99),
+        ("same", "sim:?inputs=/kept/last.csv", 0.99),
         ("plc", "opc.tcp://plc", 0.99),
     ]
     options = site.options("mqtt://broker/plant/+")
@@ -264,6 +273,41 @@ def test_limits_of_what_people_bring(tmp_path: Path) -> None:
     assert read_site(written(tmp_path, server)).offline == replace(usual, folder=str(tmp_path / "site-offline"))
     one = site_of([MODEL], source=None, store="a.sqlite", port=None, accept=None)
     assert one.offline == replace(usual, folder="a.sqlite-offline")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("name: " + "x" * 2**20, "site.yaml: more than 1048576 bytes; let several services watch the site"),
+        ("name: [" + "b, " * 6000 + "]", "more than 5000 entries in one list or table; let several services watch"),
+        ("name: " + "[" * 20, "levels of nesting; a site file needs 5"),
+        ("name: \x07", "cannot stand in a site file"),
+    ],
+)
+def test_too_much_for_a_site_file(tmp_path: Path, text: str, told: str) -> None:
+    """What the reader of models refuses of a site file is told in the words of a site file."""
+    with pytest.raises(FaultbondError) as refused:
+        read_site(written(tmp_path, text))
+    assert told in str(refused.value)
+    assert "model" not in str(refused.value)
+
+
+def test_a_simulation_is_driven_by_a_file_beside_the_site_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A recording that drives a plant is found beside the site file, wherever the service is started."""
+    (tmp_path / "site").mkdir()
+    (tmp_path / "site" / "drive it.csv").write_text("time,V_I\n" + "".join(f"{k / 40},{k % 7}\n" for k in range(200)))
+    path = written(tmp_path / "site", 'assets: {loop: {model: loop.yaml, source: "sim:?inputs=drive%20it.csv"}}\n')
+    monkeypatch.chdir(tmp_path)
+    site = read_site(Path("site") / path.name)
+    (asset,) = site.assets
+    subscriber = Subscriber(asset="loop", columns=asset.plant.columns, graph=asset.plant.graph)
+    source = open_source(asset.source, [subscriber], SourceOptions())
+
+    async def first() -> Arrivals:
+        async with aclosing(source.arrivals({})) as arrivals:
+            return await anext(arrivals)
+
+    assert asyncio.run(first()).asset == "loop"
 
 
 def test_a_store_is_bounded_by_size(tmp_path: Path) -> None:

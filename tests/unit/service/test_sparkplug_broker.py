@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from benchmarks.shared.broker import Mosquitto
 
-from arriving import COLUMNS, Gathered, gather, n_rows, subscriber
+from arriving import COLUMNS, WAITS, Gathered, listening, n_rows, subscriber
 from faultbond.errors import SourceError
 from faultbond.io.recording import Column, Columns
 from faultbond.model.graph import TimeColumn, Unit
@@ -66,8 +66,7 @@ def test_a_service_has_no_data_from_a_will_until_the_next_birth(broker: Mosquitt
     """A node that is cut off is dead by the will that it left; the asset is never normal before its device is born."""
 
     async def course(played: Played) -> None:
-        await played.until(lambda: bool(played.service.health()["ok"]))
-        await asyncio.sleep(0.5)  # until it has subscribed
+        await played.announced.is_connected.wait()
         node = EdgeNode(bd_seq=1)
         client = connected(broker, node)
         await client.__aenter__()
@@ -105,22 +104,19 @@ def test_a_broker_that_was_killed_has_no_births(broker: Mosquitto) -> None:
         values = [("u", 50.0), ("y", 2.5), ("z", 20.0)]
         named = [metric(name, value, alias=k, at=1.0) for k, (name, value) in enumerate(values)]
         short = [metric(None, value, alias=k, at=2.0, is_typed=False) for k, (_, value) in enumerate(values)]
-        task = asyncio.create_task(gather(source, into=found))
-        await asyncio.sleep(0.3)
-        async with connected(broker) as client:
+        async with listening(source, into=found) as task, connected(broker) as client:
             await send(client, [node.birth(), node.device_birth(*named)])
-        await asyncio.sleep(0.3)
-        await asyncio.to_thread(broker.kill)
-        with pytest.raises(SourceError):
-            await asyncio.wait_for(task, 5.0)
+            while not n_rows(1)(found):
+                await asyncio.sleep(0.005)
+            await asyncio.to_thread(broker.kill)
+            with pytest.raises(SourceError):
+                await asyncio.wait_for(task, WAITS)
         await asyncio.to_thread(broker.start)
-        task = asyncio.create_task(gather(source, n_rows(2), into=found))
-        await asyncio.sleep(0.3)
-        async with connected(broker) as client:
+        async with listening(source, n_rows(2), into=found) as task, connected(broker) as client:
             await send(client, [node.data(*short), node.data(*[metric(name, v, at=3.0) for name, v in values])])
-            return await asyncio.wait_for(task, 5.0)
+            return await asyncio.wait_for(task, WAITS)
 
-    found = asyncio.run(asyncio.wait_for(course(), 30.0))
+    found = asyncio.run(asyncio.wait_for(course(), 3.0 * WAITS))
     assert found.rows()[:, 0].tolist() == [1.0, 3.0]
     assert found.counts() == {"unborn": 3}
 
@@ -138,15 +134,13 @@ def test_births_that_the_broker_keeps_are_taken(broker: Mosquitto, asked: str) -
         async with connected(broker) as client:
             await send(client, births, retain=True)
             source = open_source(f"{address(broker, '/pump')}{asked}", [subscriber()])
-            task = asyncio.create_task(
-                gather(source, lambda seen: any(len(item.rows) or item.counts for item in seen.arrivals))
-            )
-            await asyncio.sleep(0.3)
-            await send(client, births, retain=True)
-            await send(client, [node.data(*short)])
-            return await asyncio.wait_for(task, 5.0)
+            told = lambda seen: any(len(item.rows) or item.counts for item in seen.arrivals)  # noqa: E731
+            async with listening(source, told) as task:
+                await send(client, births, retain=True)
+                await send(client, [node.data(*short)])
+                return await asyncio.wait_for(task, WAITS)
 
-    found = asyncio.run(asyncio.wait_for(course(), 20.0))
+    found = asyncio.run(asyncio.wait_for(course(), 3.0 * WAITS))
     if asked:
         assert found.counts() == {"unborn": 3}
     else:
@@ -171,9 +165,7 @@ def test_twenty_metrics_at_a_hundred_hertz(broker: Mosquitto, *, one_by_one: boo
         options = SourceOptions(together=0.0, hold={"one": ()})
         source = open_source(address(broker, "/pump"), [subscriber("one", WIDE)], options)
         node, names = EdgeNode(), ["u", *(f"s{k}" for k in range(19))]
-        task = asyncio.create_task(gather(source, n_rows(n)))
-        await asyncio.sleep(0.3)
-        async with connected(broker) as client:
+        async with listening(source, n_rows(n)) as task, connected(broker) as client:
             begun = time.monotonic()
             await send(client, [node.birth(at=time.time())])
             for k in range(n):
@@ -188,9 +180,9 @@ def test_twenty_metrics_at_a_hundred_hertz(broker: Mosquitto, *, one_by_one: boo
                 else:
                     parts = [[item] for item in row] if one_by_one else [row]
                     await send(client, [node.data(*part, at=now) for part in parts])
-            return await asyncio.wait_for(task, 10.0), time.monotonic() - begun
+            return await asyncio.wait_for(task, WAITS), time.monotonic() - begun
 
-    found, lasted = asyncio.run(asyncio.wait_for(course(), 40.0))
+    found, lasted = asyncio.run(asyncio.wait_for(course(), 3.0 * WAITS))
     np.testing.assert_array_equal(found.rows()[:, 2:], np.arange(n)[:, None] + np.arange(1, 20))
     late = np.concatenate([item.arrived - item.rows.time for item in found.arrivals if len(item.rows)])
     sys.stderr.write(f"p50 {np.median(late):.3f} s, p99 {np.quantile(late, 0.99):.3f} s, {lasted:.1f} s\n")

@@ -13,9 +13,9 @@ from faultbond.errors import FaultbondError, StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.asset import Asset
 from faultbond.service.contract.face import Request
-from faultbond.service.contract.messages import Action, Arrivals, Deed
+from faultbond.service.contract.messages import Action, Arrivals, AuditEntry, Deed
 from faultbond.service.contract.offline import FileKind
-from faultbond.service.contract.store import Commit
+from faultbond.service.contract.store import Commit, Forgotten
 from faultbond.service.offline.desk import OfflineDesk
 from faultbond.service.offline.limits import OfflineLimits
 from faultbond.service.station import FORGET_EVERY
@@ -186,6 +186,40 @@ def test_who_wants_something_while_the_store_is_gone_is_refused_in_time(monkeypa
         assert [item.action for item in store.deeds()] == [Action.SUPPRESS, Action.UNSUPPRESS]
 
     play(Played(store, last=300), course)
+
+
+class Unnoting(MemoryStore):
+    """One that cannot note so many times."""
+
+    failures = 0
+
+    def note(self, entry: AuditEntry) -> None:
+        if self.failures:
+            self.failures -= 1
+            raise StoreError("kept.sqlite: the server is gone.")
+        super().note(entry)
+
+
+def test_what_is_noted_waits_for_the_store_as_deeds_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a person does beside the assets is kept once the store is back, and refused where that takes too long."""
+    monkeypatch.setattr("faultbond.service.station.RETRY", 0.01)
+    store = Unnoting()
+    entry = AuditEntry(at=TODAY, who="emma", what="upload")
+
+    async def course(played: Played) -> None:
+        store.failures = 3
+        await played.service.note(entry)
+        assert [(item.who, item.what) for item in store.audit()] == [("emma", "upload")]
+        monkeypatch.setattr("faultbond.service.station.DEED_PATIENCE", 0.3)
+        store.failures = 10**6
+        with pytest.raises(StoreError, match=r"the server is gone. Nothing was done; try again"):
+            await played.service.note(entry)
+        store.failures = 0
+        with played.service._lock, pytest.raises(StoreError, match=r"The service is busy. Nothing was done"):
+            await played.service.note(entry)
+        assert len(list(store.audit())) == 1
+
+    play(Played(store, last=50), course)
 
 
 def test_what_waits_is_taken_in_portions(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -527,9 +561,9 @@ class Retaining(MemoryStore):
         super().__init__()
         self.asked: list[tuple[float | None, int | None]] = []
 
-    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> int:
+    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> Forgotten:
         self.asked.append((older_than, at_most))
-        return 5 if len(self.asked) == 1 else 0
+        return Forgotten(points=5 if len(self.asked) == 1 else 0)
 
 
 @pytest.mark.parametrize(

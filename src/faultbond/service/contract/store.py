@@ -57,6 +57,19 @@ class Enrolment:
     n_outputs: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Forgotten:
+    """What a call let go. rows: of logs. points: of curves. is_any: whether anything went, so that more may be left."""
+
+    rows: int = 0
+    points: int = 0
+
+    @property
+    def is_any(self) -> bool:
+        """Whether anything went."""
+        return self.rows + self.points > 0
+
+
 class LogStore(Protocol):
     """Keeps logs, records and checkpoints. Calls come from one thread at a time.
 
@@ -117,7 +130,10 @@ class LogStore(Protocol):
         """Give what people did, in order; `newest`: only so many."""
 
     def note(self, entry: AuditEntry) -> None:
-        """Write what a person did that is about no asset; on the disk when this returns."""
+        """Write what a person did that is about no asset; on the disk when this returns.
+
+        Who tries again gives the same entry, which is then written once.
+        """
 
     def audit(self) -> Iterator[AuditEntry]:
         """Give what was noted, in order."""
@@ -139,12 +155,12 @@ class LogStore(Protocol):
     ) -> Curves | None:
         """Give curves of a period, None where there are none; of more than `most` points those that show all peaks."""
 
-    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> int:
-        """Forget rows and curves, never records or deeds, and give how many rows went.
+    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> Forgotten:
+        """Forget rows and curves, never records or deeds, and give what went.
 
-        Those go that arrived before a time, and the oldest until the store has `at_most` bytes. What the newest
-        checkpoint needs stays. Where much has to go, a call lets some of it go; who asks again until none goes lets
-        others have the store in between.
+        Those go that arrived before a time, and the oldest of a store that has more than `at_most` bytes, until it is
+        a little smaller than that. What the newest checkpoint needs stays. Where much has to go, a call lets some of it
+        go; who asks again until none goes lets others have the store in between.
         """
 
     def close(self) -> None:

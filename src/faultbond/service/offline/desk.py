@@ -16,6 +16,7 @@ from pathlib import Path
 from faultbond.app.plant import WatchedPlant
 from faultbond.errors import FaultbondError
 from faultbond.model.document import MAX_BYTES
+from faultbond.report.byte_size import size_text
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import AuditEntry
 from faultbond.service.contract.offline import (
@@ -28,7 +29,7 @@ from faultbond.service.contract.offline import (
 )
 from faultbond.service.offline.child import run_confined, share_read
 from faultbond.service.offline.job import ENDED, BroughtFile, Job, JobState
-from faultbond.service.offline.limits import OfflineLimits, size_text
+from faultbond.service.offline.limits import OfflineLimits
 from faultbond.service.offline.outcome import FILES, outcome_of, remark_on_analysis, results_in
 from faultbond.service.offline.shelf import MODEL, Shelf, ending_of
 
@@ -75,6 +76,8 @@ class OfflineDesk:
         self._shares: dict[str, float] = {}
         self._woken = asyncio.Event()
         self._coming = 0  # files that come now
+        self._to_come: dict[str, int] = {}  # bytes that those may still have, by their numbers
+        self._placing = asyncio.Lock()
         self._brought: dict[str, deque[float]] = {}
         self._ordering = asyncio.Lock()
         for job in self._shelf.jobs():
@@ -114,11 +117,9 @@ class OfflineDesk:
         self._coming += 1
         try:
             most = self._limits.upload if kind is FileKind.RECORDING else min(MAX_BYTES, self._limits.upload)
-            await self._make_room(most)
-            with _kept():
-                number, place = self._shelf.begin_file()
+            number, place = await self._begin_file(most)
             try:
-                size, digest = await self._receive(content, place, kind, most)
+                size, digest = await self._receive(content, number, place, kind)
                 file = BroughtFile(id=number, name=name, kind=kind, size=size, sha256=digest, who=who, at=self._clock())
                 with _kept():
                     await asyncio.to_thread(self._shelf.keep_file, file)
@@ -126,6 +127,8 @@ class OfflineDesk:
             except BaseException:
                 self._shelf.remove_file(number)
                 raise
+            finally:
+                self._to_come.pop(number, None)
         finally:
             self._coming -= 1
         return file.shown()
@@ -265,34 +268,45 @@ class OfflineDesk:
             raise TooManyError(f"{MOST_IN_IT} files came in ten minutes. Try again in {seconds:.0f} s.", seconds)
         times.append(now)
 
-    async def _make_room(self, size: int) -> None:
-        """Make the folder, and room in it for so many bytes more.
+    async def _begin_file(self, most: int) -> tuple[str, Path]:
+        """Make the folder, and room in it for so many bytes more; give a number for a new file, and its place.
 
         Raises
         ------
         FaultbondError
-            Where there is none.
+            Where there is no room.
         """
-        await asyncio.to_thread(self._shelf.make)
-        await asyncio.to_thread(self._shelf.remove_files_before, self._clock() - FORGOTTEN)
-        with _kept():
-            n_files = self._shelf.n_files()
-        if n_files >= MOST_FILES:
-            raise FaultbondError(f"{MOST_FILES} files lie there that no analysis has taken. Try again in an hour.")
-        if not await self._has_room(size):
-            told = size_text(self._limits.room)
-            raise FaultbondError(f"There is no room: what is here fills the {told} that it may. Try again later.")
+        async with self._placing:  # room is given once
+            await asyncio.to_thread(self._shelf.make)
+            await asyncio.to_thread(self._shelf.remove_files_before, self._clock() - FORGOTTEN)
+            with _kept():
+                n_files = self._shelf.n_files()
+            if n_files >= MOST_FILES:
+                raise FaultbondError(f"{MOST_FILES} files lie there that no analysis has taken. Try again in an hour.")
+            if not await self._has_room(most):
+                told = size_text(self._limits.room)
+                raise FaultbondError(f"There is no room: what is here fills the {told} that it may. Try again later.")
+            with _kept():
+                number, place = self._shelf.begin_file()
+            self._to_come[number] = most
+            return number, place
 
     async def _has_room(self, size: int) -> bool:
-        """Remove the oldest that ended until there is room for so many bytes more; tell whether there is then."""
-        while await asyncio.to_thread(self._shelf.used) + size > self._limits.room:
+        """Remove the oldest that ended until there is room for so many bytes more; tell whether there is then.
+
+        What may still come of other files is counted before what is there, so that no part of them is passed over.
+        """
+        while sum(self._to_come.values()) + await asyncio.to_thread(self._shelf.used) + size > self._limits.room:
             if (oldest := next((job for job in self._jobs.values() if job.state in ENDED), None)) is None:
                 return False
             await self._forget_job(oldest.id)
         return True
 
-    async def _receive(self, content: AsyncIterator[bytes], place: Path, kind: FileKind, most: int) -> tuple[int, str]:
-        """Write what comes; give its size and its digest."""
+    async def _receive(
+        self, content: AsyncIterator[bytes], number: str, place: Path, kind: FileKind
+    ) -> tuple[int, str]:
+        """Write what comes, in the room that its number has; give its size and its digest."""
+        most = self._to_come[number]
         size, digest, gathered = 0, hashlib.sha256(), bytearray()
         clock = asyncio.get_running_loop().time
         ends = clock() + WHOLE
@@ -313,6 +327,7 @@ class OfflineDesk:
                 if gathered and (part is None or len(gathered) >= PORTION):
                     digest.update(gathered)
                     await asyncio.to_thread(stream.write, bytes(gathered))
+                    self._to_come[number] = most - size
                     gathered.clear()
                 if part is None:
                     break

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-MB, GB = 10**6, 10**9
+from faultbond.report.byte_size import GB, MB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,17 +26,3 @@ class OfflineLimits:
     jobs: int = 50
     days: float = 7.0
     room: int = 10 * GB
-
-
-def size_text(size: float) -> str:
-    """Give a number of bytes in the unit in which it is a handy number.
-
-    Example
-    -------
-    >>> size_text(4e9), size_text(2_500_000), size_text(12)
-    ('4 GB', '2.5 MB', '12 bytes')
-    """
-    for unit, name in ((GB, "GB"), (MB, "MB"), (1000, "kB")):
-        if size >= unit:
-            return f"{size / unit:.3g} {name}"
-    return f"{size:.0f} bytes"

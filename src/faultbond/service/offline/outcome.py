@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from faultbond.errors import one_line
+from faultbond.report.byte_size import size_text
 from faultbond.report.numbers import change_text, duration_text, probability_text
 from faultbond.service.contract.offline import JobResult
 from faultbond.service.offline.child import ERRORS, WORDS
 from faultbond.service.offline.job import JobState
-from faultbond.service.offline.limits import OfflineLimits, size_text
+from faultbond.service.offline.limits import OfflineLimits
 
 FILES = {JobResult.REPORT: "report.html", JobResult.RECORDS: "records.jsonl", JobResult.ANALYSIS: "analysis.txt"}
 VERDICTS = {0: "healthy", 1: "fault", 4: "none"}  # by the exit code of `run`

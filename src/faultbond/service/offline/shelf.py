@@ -172,7 +172,10 @@ class Shelf:
             stream.write(job.text())
 
     def jobs(self) -> Iterator[Job]:
-        """Give all jobs, in the order in which they came; what is half made is removed, and what is damaged told."""
+        """Give all jobs, in the order in which they came.
+
+        What is half made, or known to be damaged, is removed; what only cannot be read now is told and left.
+        """
         found, items = [], []
         try:
             items = list(self._jobs.iterdir())
@@ -186,10 +189,12 @@ class Shelf:
                 if job.id != item.name or not NUMBER.fullmatch(item.name):
                     raise ValueError(f"it is of {job.id}")
                 found.append(job)
-            except (OSError, ValueError) as error:
+            except (FileNotFoundError, ValueError) as error:
                 if not item.name.startswith("."):
                     _LOG.warning("%s: this job cannot be read any more (%s), and is removed.", item, error)
                 shutil.rmtree(item, ignore_errors=True)
+            except OSError as error:  # such as too many open files
+                _LOG.warning("%s: this job cannot be read now: %s. It is left as it is.", item, error.strerror or error)
         return iter(sorted(found, key=lambda job: (job.at, job.id)))
 
     def clear(self, job: str) -> None:

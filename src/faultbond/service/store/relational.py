@@ -3,6 +3,7 @@
 import heapq
 import json
 import zlib
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from math import inf, isfinite, nan
@@ -16,7 +17,7 @@ from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.contract.messages import Action, AuditEntry, Curves, Deed, NamedRecord
-from faultbond.service.contract.store import Commit, Enrolment, LogPlace
+from faultbond.service.contract.store import Commit, Enrolment, Forgotten, LogPlace
 from faultbond.service.store.checkpoints import stand_of, write_checkpoint
 from faultbond.service.store.chunks import curves_at
 from faultbond.service.store.database import Database
@@ -38,6 +39,7 @@ from faultbond.service.store.tail import (
 )
 
 PAGE = 500  # records or deeds that are read at once
+MOST_UNNOTED = 16  # entries that may come again
 LEAST_EFFORT = 64  # of merging in a commit; see `tail.merge`
 _LOG = "SELECT number, asset, n_inputs, n_outputs, rows, points, deeds, cursor, arrived, time FROM logs"
 
@@ -67,6 +69,7 @@ class RelationalStore:
         self._came: int | None = None
         self._failed: tuple[Commit, ...] = ()  # parts of the last commit, and its turn, where it failed
         self._turn = ""
+        self._unnoted = deque[AuditEntry](maxlen=MOST_UNNOTED)  # entries that were given, but maybe not written
 
     def close(self) -> None:
         """Close it, and let another service have it."""
@@ -156,8 +159,18 @@ class RelationalStore:
         return (item for _, item in merged)
 
     def note(self, entry: AuditEntry) -> None:
-        """Write what a person did that is about no asset; see `contract.store.LogStore`."""
-        self._writing(lambda: self._note(entry))
+        """Write what a person did that is about no asset; see `contract.store.LogStore`.
+
+        Raises
+        ------
+        StoreError
+            Where it cannot be written; or where a server was lost, what is found out when the same entry comes again.
+        """
+        again = any(item is entry for item in self._unnoted)
+        if not again:
+            self._unnoted.append(entry)
+        self._writing(lambda: self._note(entry, again=again))
+        self._unnoted = deque((item for item in self._unnoted if item is not entry), MOST_UNNOTED)
 
     def audit(self) -> Iterator[AuditEntry]:
         """Give what was noted, in order."""
@@ -200,8 +213,8 @@ class RelationalStore:
         found = CURVES.join(parts)
         return found if most is None else thinned(found, most)
 
-    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> int:
-        """Forget rows and curves, never records or deeds, and give how many rows went; see `contract.store.LogStore`.
+    def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> Forgotten:
+        """Forget rows and curves, never records or deeds, and give what went; see `contract.store.LogStore`.
 
         A large chunk goes as a whole, once all of it may go. So does what the oldest checkpoint that is kept needs.
         """
@@ -212,11 +225,13 @@ class RelationalStore:
         finally:
             self._logs.clear()  # tails are others now
 
-    def _note(self, entry: AuditEntry) -> None:
+    def _note(self, entry: AuditEntry, *, again: bool) -> None:
         kept = {"at": entry.at, "who": entry.who, "what": entry.what, "about": dict(entry.about)}
         content = json.dumps(kept)
         with self._database.transaction():
             self._database.change(_AUDIT)
+            if again and self._database.number("SELECT count(*) FROM audit WHERE content=?", content):
+                return
             number = int(self._database.number("SELECT max(number) FROM audit") or 0) + 1
             values = (number, content, zlib.crc32(content.encode()))
             self._database.change("INSERT INTO audit VALUES (?, ?, ?)", *values)

@@ -60,11 +60,6 @@ class Bounded(APIRoute):
         return bounded
 
 
-def refused(status: int, error: str) -> HTTPException:
-    """Give a refusal to be raised."""
-    return HTTPException(status, error)
-
-
 def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Describe refusals by their statuses."""
     return {status: {"model": RefusalShape, "description": REFUSALS[status]} for status in statuses}
@@ -85,12 +80,24 @@ def person_of(guard: Guard, role: Role) -> Any:
 
 
 def check_token(person: Person, token: str | None) -> None:
-    """Refuse what does not come from a page of this person."""
+    """Refuse what does not come from a page of this person.
+
+    Raises
+    ------
+    HTTPException
+        Where the token is not that of their session.
+    """
     if token is None or not hmac.compare_digest(token.encode(), person.token.encode()):
-        raise refused(403, f"The token is not right. Send that of `me` as {TOKEN}.")
+        raise HTTPException(403, f"The token is not right. Send that of `me` as {TOKEN}.")
 
 
 async def check_json(request: Request) -> None:
-    """Refuse a body that is not said to be JSON."""
+    """Refuse a body that is not said to be JSON.
+
+    Raises
+    ------
+    HTTPException
+        Where it is not.
+    """
     if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
-        raise refused(415, "The body is to be JSON. Send it as application/json.")
+        raise HTTPException(415, "The body is to be JSON. Send it as application/json.")

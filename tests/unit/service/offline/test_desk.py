@@ -4,9 +4,12 @@ import asyncio
 import errno
 import hashlib
 import io
+import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from pathlib import Path
@@ -14,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from desk_bench import MODEL, RC, RECORDING, TANK, Bench
+from desk_bench import ENDS, MODEL, RC, RECORDING, TANK, Bench
 from faultbond.app.plant import WatchedPlant
 from faultbond.errors import FaultbondError, StoreError
 from faultbond.service.contract.offline import (
@@ -27,6 +30,7 @@ from faultbond.service.contract.offline import (
     WrongKindError,
 )
 from faultbond.service.offline import desk as desk_module
+from faultbond.service.offline.child import CONFINED
 from faultbond.service.offline.job import Job, JobState
 from faultbond.service.offline.limits import OfflineLimits
 
@@ -189,6 +193,36 @@ def processes_of(group: int) -> list[int]:
     return found
 
 
+def gone(group: int) -> None:
+    """Wait until there is no process of a group any more."""
+    ends = time.monotonic() + ENDS
+    while processes_of(group) and time.monotonic() < ends:
+        time.sleep(0.01)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells a process that another is gone")
+@pytest.mark.parametrize("killed", ["service", "program"])
+def test_what_a_program_began_ends_with_the_service(tmp_path: Path, killed: str) -> None:
+    """Where the service or the program of a job is killed, and so ends nothing that it began, that is ended, too."""
+    begun = tmp_path / "begun"
+    script = f"sleep 300 & echo $$ > {begun}; exec sleep 300"
+    limits = json.dumps({"RLIMIT_CPU": [600, 605]})
+    start = (
+        "import os, subprocess, sys\n"
+        f"words = ['-I', {str(CONFINED)!r}, {limits!r}, str(os.getpid()), '/bin/sh', '-c', {script!r}]\n"
+        "subprocess.Popen([sys.executable, *words], start_new_session=True).wait()"
+    )
+    with subprocess.Popen([sys.executable, "-c", start], stdin=subprocess.DEVNULL) as service:
+        ends = time.monotonic() + ENDS
+        while not (begun.exists() and begun.read_text()) and time.monotonic() < ends:
+            time.sleep(0.01)
+        program = int(begun.read_text())
+        n_before = len(processes_of(program))
+        os.kill(service.pid if killed == "service" else program, signal.SIGKILL)
+    gone(program)
+    assert (n_before, processes_of(program)) == (3, [])  # the program, who watches it, and what it began
+
+
 def test_all_that_a_job_began_ends_with_it(bench: Made) -> None:
     """A job that is removed while a compiler is at work for it leaves no process and no file."""
     made = bench()
@@ -197,18 +231,16 @@ def test_all_that_a_job_began_ends_with_it(bench: Made) -> None:
         async with made.at_work():
             job = await made.order()
             async with asyncio.timeout(60.0):
-                while len(processes_of(process := made.desk._processes.get(job, -1))) < 2:
+                # the program, who watches it, and a compiler
+                while len(processes_of(process := made.desk._processes.get(job, -1))) < 3:
                     await asyncio.sleep(0.01)
             before = len(processes_of(process))
             await made.desk.remove(job, "otto")
-            for _ in range(100):
-                if not processes_of(process):
-                    break
-                await asyncio.sleep(0.02)
+            await asyncio.to_thread(gone, process)
             return before, processes_of(process), job
 
     before, left, job = in_time(done())
-    assert (before >= 2, left) == (True, [])
+    assert (before >= 3, left) == (True, [])
     assert list((Path(made.limits.folder) / "jobs").iterdir()) == []
     with pytest.raises(KeyError):
         made.desk.job(job)
@@ -516,6 +548,19 @@ def test_what_is_damaged_on_the_disk_is_told(bench: Made, caplog: pytest.LogCapt
     assert sorted(item.name for item in (Path(made.limits.folder) / "jobs").iterdir()) == [whole]
 
 
+def test_what_cannot_be_read_for_a_while_is_left(
+    bench: Made, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A job that cannot be read at one start, as for want of open files, is there at the next one."""
+    made = bench()
+    job = in_time(made.order())
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "read_text", failing(OSError(errno.EMFILE, "Too many open files")))
+        assert made.made().shown()["jobs"] == []
+    assert "this job cannot be read now: Too many open files. It is left as it is." in caplog.text
+    assert [item["id"] for item in made.made().shown()["jobs"]] == [job]
+
+
 def test_what_is_half_made_is_no_job(bench: Made) -> None:
     """A job that was written but not given its name, and one under another's name, are removed, and not shown."""
     made = bench()
@@ -693,6 +738,30 @@ def test_room_is_bounded(bench: Made) -> None:
             await made.bring()
         with pytest.raises(FaultbondError, match="There is no room"):
             await made.bring(MODEL, "m.yaml", "model")  # as large as a model may be
+
+    in_time(done())
+
+
+def test_room_is_kept_for_what_comes(bench: Made) -> None:
+    """Of files that come at once none takes the room of another; what did not come of one is free again."""
+    made = bench(upload=200_000, room=450_000)
+    going_on = asyncio.Event()
+
+    async def halting() -> AsyncIterator[bytes]:
+        yield b"x" * 50_000
+        await going_on.wait()
+        yield b"x" * 50_000
+
+    async def done() -> None:
+        desk = made.desk
+        coming = [asyncio.create_task(desk.take("a.csv", FileKind.RECORDING, "emma", halting())) for _ in range(3)]
+        refused, _ = await asyncio.wait(coming, return_when=asyncio.FIRST_COMPLETED)
+        assert [str(task.exception()).partition(":")[0] for task in refused] == ["There is no room"]
+        going_on.set()
+        await asyncio.gather(*coming, return_exceptions=True)
+        assert desk._shelf.used() > 200_000
+        await made.bring(b"x" * 200_000)
+        assert desk._shelf.used() <= 450_000
 
     in_time(done())
 

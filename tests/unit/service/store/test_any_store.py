@@ -155,7 +155,7 @@ class AnySequence(RuleBasedStateMachine):
     def retain(self, older_than: float) -> None:
         """Rows that may stay are those that share a chunk with one that has to."""
         before = {key: ([*log.rows], [*log.points]) for key, log in self.slow.logs.items()}
-        gone = self.store.retain(older_than=older_than)
+        gone = self.store.retain(older_than=older_than).rows
         self.slow.retain(older_than=older_than)
         newest = {**self.slow.newest}
         for (asset, model), log in self.slow.logs.items():

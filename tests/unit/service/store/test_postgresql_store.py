@@ -9,6 +9,7 @@ import pytest
 from benchmarks.shared.broker import free_port
 
 from faultbond.errors import StoreError
+from faultbond.service.contract.messages import AuditEntry
 from faultbond.service.contract.store import Commit
 from faultbond.service.store.opening import open_store
 from postgres import DeafLine, PostgresServer
@@ -106,6 +107,19 @@ def test_a_commit_whose_end_was_not_heard(postgres: PostgresServer, line: DeafLi
     assert store.enrol(enrolment()).rows == 100
     store.close()
     is_whole(postgres.url("deaf"), 100, 10)
+
+
+def test_a_note_whose_end_was_not_heard(postgres: PostgresServer, line: DeafLine) -> None:
+    """It is refused, since nobody knows; the same one once more is written once, and one of the same words, too."""
+    store = open_store(line.url("noted"))
+    for _ in range(2):
+        entry = AuditEntry(at=1.0, who="emma", what="upload", about={"size": 7})
+        line.deaf = True
+        with pytest.raises(StoreError, match="the connection to the server is lost"):
+            store.note(entry)
+        store.note(entry)
+    assert [(item.number, item.who) for item in store.audit()] == [(1, "emma"), (2, "emma")]
+    store.close()
 
 
 def test_a_commit_that_did_not_arrive(

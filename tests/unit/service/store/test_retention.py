@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from faultbond.errors import StoreError
-from faultbond.service.contract.store import Commit
+from faultbond.service.contract.store import Commit, Forgotten
 from faultbond.service.store import retention, tail
 from faultbond.service.store.opening import open_store
 from faultbond.service.store.relational import RelationalStore
@@ -50,7 +50,7 @@ def store(place: str) -> Iterator[RelationalStore]:
 def test_forgetting_by_age(store: RelationalStore) -> None:
     """Large chunks that arrived before a time go, rows and curves; records and deeds stay, and the log goes on."""
     grown(store, 0, 10_000)
-    assert store.retain(older_than=4500.0) == 4000
+    assert store.retain(older_than=4500.0) == Forgotten(rows=4000, points=4000)
     assert flat(store.log_after("pump", 10_000, 10)) == []
     kept = [item for item in flat(store.log_between("pump")) if isinstance(item, tuple)]
     assert kept == flat([some_rows(4000, 6000)])
@@ -69,13 +69,13 @@ def test_forgetting_by_age(store: RelationalStore) -> None:
 def test_what_checkpoints_need_stays(store: RelationalStore) -> None:
     """Without a checkpoint all rows stay, whatever is asked for; with some, those behind the oldest that is kept."""
     store.commit([Commit(asset="pump", rows=some_rows(0, 5000), curves=some_curves(0, 5000))])
-    assert store.retain(older_than=np.inf, at_most=0) == 0
+    assert store.retain(older_than=np.inf, at_most=0) == Forgotten(points=5000)
     assert store.curves("pump") is None, "nothing needs curves"
     grown(store, 5000, 7000)
-    assert store.retain(older_than=np.inf) == 7000
+    assert store.retain(older_than=np.inf).rows == 7000
     for first in (7000, 8000, 9000):
         grown(store, first, first + 1000)
-    assert store.retain(older_than=np.inf) == 1000
+    assert store.retain(older_than=np.inf).rows == 1000
     assert [item for item in flat(store.log_after("pump", 8000, 8)) if isinstance(item, tuple)] == flat(
         [some_rows(8000, 2000)]
     )
@@ -87,7 +87,7 @@ def test_forgetting_by_size(store: RelationalStore) -> None:
     """The oldest go until the store is that small, and no more than that."""
     grown(store, 0, 20_000, each=500)
     before = store._database.used()
-    gone = store.retain(at_most=before // 2)
+    gone = store.retain(at_most=before // 2).rows
     assert before * 0.4 < store._database.used() <= before // 2
     assert 20_000 * 0.4 < gone < 20_000 * 0.8
     kept = [item for item in flat(store.log_between("pump")) if isinstance(item, tuple)]
@@ -102,7 +102,7 @@ def test_the_file_becomes_smaller(tmp_path: Path) -> None:
     store._database.shrink()
     before = path.stat().st_size
     limit = before // 3
-    gone = store.retain(at_most=limit)
+    gone = store.retain(at_most=limit).rows
     slack = limit // 16 + 260 * 4096
     assert limit // 2 < path.stat().st_size < limit + slack
     assert 60_000 * 0.4 < gone < 60_000 * 0.9
@@ -123,6 +123,29 @@ def test_the_file_stops_growing(tmp_path: Path) -> None:
     assert max(sizes) < 400_000 + 300 * 4096
 
 
+def test_at_its_bound_a_store_forgets_seldom(store: RelationalStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What goes leaves room for what comes, so that a store that is as large as it may be need not forget each time."""
+    monkeypatch.setattr(tail, "LARGE", 50)
+    grown(store, 0, 20_000, each=500)
+    limit = store._database.used()
+    went = []
+    for first in range(20_000, 22_000, 50):
+        grown(store, first, first + 50)
+        went.append(store.retain(at_most=limit).is_any)
+        assert store._database.used() <= limit
+    assert 1 <= sum(went) <= 10
+
+
+def test_what_goes_of_curves_alone_is_told(store: RelationalStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where only curves may go, a call that lets some go says so: who asks until none goes frees all of them."""
+    store.commit([Commit(asset="pump", rows=some_rows(0, 5000), curves=some_curves(0, 5000))])
+    monkeypatch.setattr(retention, "AT_ONCE", 1)
+    monkeypatch.setattr(retention, "AT_A_CALL", 2)
+    calls = [*iter(lambda: store.retain(older_than=np.inf), Forgotten())]
+    assert [(call.rows, call.points) for call in calls] == [(0, 2000), (0, 2000), (0, 1000)]
+    assert store.curves("pump") is None
+
+
 def test_rows_after_a_hole_are_merged_apart(store: RelationalStore, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where small chunks between others went, since the clock of arrivals was set back, those around it stay apart."""
     monkeypatch.setattr(tail, "LARGE", 10)
@@ -130,7 +153,7 @@ def test_rows_after_a_hole_are_merged_apart(store: RelationalStore, monkeypatch:
         store.commit([Commit(asset="pump", rows=some_rows(3 * k, 3), arrived=arrived, checkpoint=b"x")])
     for _ in range(3):
         store.commit([Commit(asset="pump", checkpoint=b"x")])
-    assert store.retain(older_than=5.0) == 3
+    assert store.retain(older_than=5.0).rows == 3
     for k in range(3, 9):
         store.commit([Commit(asset="pump", rows=some_rows(3 * k, 3), arrived=9.0)])
     assert flat(store.log_between("pump")) == flat([some_rows(0, 3), some_rows(6, 21)])
@@ -173,7 +196,7 @@ def test_much_goes_in_portions(store: RelationalStore, monkeypatch: pytest.Monke
     grown(store, 0, 10_000, each=1000)
     monkeypatch.setattr(retention, "AT_ONCE", 2)
     monkeypatch.setattr(retention, "AT_A_CALL", 2)
-    calls = [*iter(lambda: store.retain(older_than=8500.0), 0)]
+    calls = [*iter(lambda: store.retain(older_than=8500.0), Forgotten())]
     assert len(calls) > 2
-    assert sum(calls) == 9000
+    assert sum(call.rows for call in calls) == 9000
     assert len([item for item in flat(store.log_between("pump")) if isinstance(item, tuple)]) == 1000
