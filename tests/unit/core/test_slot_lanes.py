@@ -421,8 +421,9 @@ def test_what_may_be_in_a_couple_begins_again(core: Core, likelier: bool) -> Non
     """Of drifts, and biases and gains of inputs, the least likely lane becomes one that begins with what was found.
 
     That is size and rate of the likeliest. Of all other kinds the likeliest begins as at first. Either is kept if it is
-    likelier. Pairs of what moves and what has come to stay begin as they did first, where they are then likelier. A drift
-    of a parameter that a step of it is likelier than begins with the value of the step, as the widest of those under way.
+    likelier. Pairs of what moves and what has come to stay begin as they did first, where they are then likelier. A
+    drift of a parameter that a step of it is likelier than begins with the value of the step, as the widest of those
+    under way.
     """
     of, old = trail(30), plain_lane(99)
     lanes = np.array([begun(k, 20, 3, of, None) for k in range(N)]).T
