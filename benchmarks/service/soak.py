@@ -57,9 +57,10 @@ def rows(hours: float = 1.0) -> list[Row]:
             over = start is None or now > start + LASTS
             if over and at > repaired and told["best"] is not None:
                 (best, *_) = httpx.get(f"{service.address}/api/v1/assets/tank", timeout=30.0).json()["rows"]
-                service.do("tank", "repaired", target=best.get("target") or [item["name"] for item in best["suspects"]])
-                service.do("tank", "acknowledge")
-                repaired = now
+                target = best.get("target") or [item["name"] for item in best["suspects"]]
+                if service.try_to_do("tank", "repaired", target=target):
+                    service.try_to_do("tank", "acknowledge")
+                    repaired = now
         grown = service.memory() / memory - 1.0
     right = sum(_component(what) in named.get(start, "") for start, what in zip(starts, faults, strict=True))
     return [

@@ -199,6 +199,9 @@ class MemoryStore:
             log.points = [point if point is None or point[0] >= limit else None for point in log.points]
         return gone
 
+    def reserve(self) -> str:
+        return ""
+
     def close(self) -> None:
         """Nothing is left open."""
 
