@@ -2,14 +2,15 @@
 
     python -m benchmarks.service [--only NAME,...] [--markdown FILE]
 
-Names are `stream` (20 signals at 100 Hz, of a Mosquitto), `viewers`, `assets` (a hundred tanks, ten minutes), `kills`
-and `soak` (an hour). The service is a program of its own; what it takes is told by the system, so this is for Linux.
+Names are `stream` (20 signals at 100 Hz, of a Mosquitto), `viewers`, `assets` (a hundred tanks, ten minutes), `kills`,
+`disk` (that others fill; it takes root) and `soak` (an hour). The service is a program of its own; what it takes is
+told by the system, so this is for Linux.
 """
 
 import sys
 from collections.abc import Callable, Sequence
 
-from benchmarks.service import assets, kills, soak, stream, viewers
+from benchmarks.service import assets, disk, kills, soak, stream, viewers
 from benchmarks.shared.page import Row, arguments, note, publish, selected
 
 PARTS: dict[str, Callable[[], list[Row]]] = {
@@ -17,6 +18,7 @@ PARTS: dict[str, Callable[[], list[Row]]] = {
     "viewers": viewers.rows,
     "assets": assets.rows,
     "kills": kills.rows,
+    "disk": disk.rows,
     "soak": soak.rows,
 }
 

@@ -20,10 +20,10 @@ KILLS = 100
 PACE = 50.0  # rows of the tank in a second
 SPAN = 3.0  # s that the service lives at most after it answers
 SEED = 7
-CONFLICT = 409  # a status of HTTP
+CONFLICT, UNAVAILABLE = 409, 503  # statuses of HTTP
 
 
-class _Growing:
+class Growing:
     """A recording that grows; again and again that of the tank with a fault, with times that go on."""
 
     def __init__(self, path: Path) -> None:
@@ -33,7 +33,7 @@ class _Growing:
         self._thread = threading.Thread(target=self._grow)
         self.written = 0
 
-    def __enter__(self) -> "_Growing":
+    def __enter__(self) -> "Growing":
         self._thread.start()
         return self
 
@@ -53,7 +53,7 @@ class _Growing:
                 self.written = due
 
 
-class _People:
+class People:
     """Somebody who does things all the while, and remembers what was acknowledged to him."""
 
     def __init__(self, service: Served) -> None:
@@ -61,7 +61,7 @@ class _People:
         self._thread = threading.Thread(target=self._act)
         self.entries: list[dict[str, Any]] = []
 
-    def __enter__(self) -> "_People":
+    def __enter__(self) -> "People":
         self._thread.start()
         return self
 
@@ -76,6 +76,8 @@ class _People:
             try:
                 self.entries.append(self._service.do("tank", action, comment=f"number {k}"))
             except httpx.HTTPStatusError as error:
+                if error.response.status_code == UNAVAILABLE:  # it is not written, or not yet
+                    continue
                 if error.response.status_code != CONFLICT:  # it is so already: the answer was lost with the service
                     raise
             except httpx.HTTPError:
@@ -95,8 +97,8 @@ def rows(kills: int = KILLS) -> list[Row]:
         folder = Path(name)
         model = example("tank") / "model.yaml"
         words = (str(model), "--store", "kept.sqlite", "--source", "file:live.csv")
-        with Served(folder, *words) as service, _People(service) as people:
-            with _Growing(folder / "live.csv") as growing:
+        with Served(folder, *words) as service, People(service) as people:
+            with Growing(folder / "live.csv") as growing:
                 for _ in range(kills):
                     time.sleep(rng.uniform(0.0, SPAN))
                     service.kill()

@@ -53,12 +53,16 @@ class Served:
     def start(self) -> float:
         """Start it, and give s until it answers."""
         begin = time.monotonic()
+        self.begin()
+        self.until(lambda told: True)
+        return time.monotonic() - begin
+
+    def begin(self) -> None:
+        """Start it, and do not wait until it answers."""
         command = [sys.executable, "-m", "faultbond", "serve", *self._words, "--port", str(self.port)]
         said = (self._folder / "said.txt").open("ab")
         self._running = subprocess.Popen(command, cwd=self._folder, stdout=said, stderr=said)
         said.close()
-        self.until(lambda told: True)
-        return time.monotonic() - begin
 
     def kill(self) -> None:
         """Kill it, as by `kill -9`."""
@@ -103,6 +107,16 @@ class Served:
         if answer.is_error:
             raise httpx.HTTPStatusError(answer.text, request=answer.request, response=answer)
         return dict(answer.json())
+
+    def try_to_do(self, asset: str, action: str, **more: object) -> bool:
+        """Do something about an asset, unless the service is too busy at this moment; tell whether it was done."""
+        try:
+            self.do(asset, action, **more)
+        except httpx.HTTPStatusError as error:
+            if error.response.status_code == httpx.codes.SERVICE_UNAVAILABLE:
+                return False
+            raise
+        return True
 
     def processor_time(self) -> float:
         """Give how long it has computed, s."""

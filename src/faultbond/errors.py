@@ -63,6 +63,10 @@ class StoreError(FaultbondError):
     """What the service has to keep cannot be written or read."""
 
 
+class UnreadyStoreError(StoreError):
+    """A store cannot be had now, and may be later: its server is not there, its disk is full, or somebody holds it."""
+
+
 class AbsentStoreError(StoreError):
     """There is no store where one is to be read."""
 

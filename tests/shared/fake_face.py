@@ -105,6 +105,7 @@ class FakeFace:
     def __init__(self) -> None:
         self.now = HISTORY
         self.is_full = False
+        self.troubles: list[str] = []
         self.done: list[Request] = []
         self._queues: list[tuple[asyncio.Queue[tuple[str, Shown] | None], int]] = []
         self._journal: dict[str, list[Shown]] = {name: [] for name in STATUS}
@@ -142,6 +143,7 @@ class FakeFace:
             "now": self.time(self.now),
             "source": "sim: seven built-in plants",
             "assets": [self.summary(name) for name in STATUS],
+            "troubles": self.troubles,
         }
 
     def summary(self, name: str) -> Shown:
@@ -310,6 +312,11 @@ class FakeFace:
             if name != "motor_2":
                 self._tell("samples", {"asset": name, **self._points(name, [self.now])})
                 self._tell("summary", self.summary(name))
+
+    def fail(self, *troubles: str) -> None:
+        """Have troubles, or none any more."""
+        self.troubles = [*troubles]
+        self._tell("service", {"troubles": self.troubles})
 
     def stop(self) -> None:
         """End all who listen, as where the service stops."""

@@ -201,6 +201,9 @@ class MemoryStore:
                     log.points[k], points = None, points + 1
         return Forgotten(rows=rows, points=points)
 
+    def reserve(self) -> str:
+        return ""
+
     def close(self) -> None:
         """Nothing is left open."""
 

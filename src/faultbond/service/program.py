@@ -10,10 +10,11 @@ from getpass import getpass
 from types import ModuleType
 
 from faultbond.app.signals import STOPPING, Stopped
-from faultbond.errors import FaultbondError, Mistakes
+from faultbond.errors import FaultbondError, Mistakes, StoreError, UnreadyStoreError
 from faultbond.io.out import Out
 from faultbond.report.numbers import clock_text
 from faultbond.service.certificate_watch import CertificateWatch
+from faultbond.service.contract.store import LogStore
 from faultbond.service.door import Certificate, bound
 from faultbond.service.log_lines import LogForm, logged
 from faultbond.service.sinks.opening import metrics_token, open_sinks
@@ -22,7 +23,7 @@ from faultbond.service.site import Site
 from faultbond.service.site_check import check_site, doubts
 from faultbond.service.site_log import Done
 from faultbond.service.sources.opening import open_source, shown_address
-from faultbond.service.station import Service
+from faultbond.service.station import RETRY, Service
 from faultbond.service.store.address import shown_store
 from faultbond.service.store.opening import open_store
 from faultbond.service.systemd import ServiceManager, UnitState, reassure
@@ -132,15 +133,8 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
 
     manager, door = ServiceManager(), bound(site)
     manager.tell(status="reads its store")
-    store = open_store(site.store, tell=_LOG.warning)
+    store, service = await _begun(site, out, manager)
     try:
-        service = Service(
-            site,
-            store,
-            lambda address, fed: open_source(address, fed, site.options(address)),
-            hear=lambda done: _record(out, done),
-            sinks=open_sinks(site.tell, site.topics()),
-        )
         names = {*LOOPBACK, site.host, *site.names, *(certificate.names if certificate else ())}
         page = application(
             service, _guard(site), hosts=names, metrics_token=metrics_token(site.tell), desk=service.desk
@@ -161,6 +155,8 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
             out.append()
             out.settle()
             out.say(f"{site.name}: {scheme}://{at}:{door.getsockname()[1]}/ - Ctrl-C stops it.")
+            if out.text is not None:
+                out.text.flush()  # into the journal of a system, too
             watching = asyncio.create_task(service.run())
             showing = asyncio.create_task(server.serve(sockets=[door]))
             ended = asyncio.create_task(stopped.wait())
@@ -171,14 +167,42 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
             manager.tell(UnitState.STOPPING, status="keeps its assets as they stand")
             for task in filter(None, (ended, alive, renewing, watching)):
                 task.cancel()
-            with suppress(asyncio.CancelledError):
-                await watching
-            page.state.broadcast.close()
-            server.should_exit = True
-            await showing
+            try:
+                with suppress(asyncio.CancelledError):
+                    await watching
+            finally:
+                page.state.broadcast.close()
+                server.should_exit = True
+                await showing
         return stopped.number
     finally:
         store.close()
+
+
+async def _begun(site: Site, out: Out, manager: ServiceManager) -> tuple[LogStore, Service]:
+    """Read the store; where it cannot be had now, as after a loss of power its server, say so once and wait for it."""
+    is_told = False
+    while True:
+        try:
+            store = open_store(site.store, tell=_LOG.warning)
+            try:
+                return store, Service(
+                    site,
+                    store,
+                    lambda address, fed: open_source(address, fed, site.options(address)),
+                    hear=lambda done: _record(out, done),
+                    sinks=open_sinks(site.tell, site.topics()),
+                )
+            except BaseException:
+                with suppress(StoreError):
+                    store.close()
+                raise
+        except UnreadyStoreError as error:
+            if not is_told:
+                _LOG.warning("%s The service begins once it can be used.", error)
+            is_told = True
+            manager.tell(status=f"waits for its store: {error}")
+        await asyncio.sleep(RETRY)
 
 
 def _status(service: Service) -> str:

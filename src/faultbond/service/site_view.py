@@ -48,7 +48,7 @@ class SiteView:
     lock : of log and store, between who writes them and who asks
     clock : gives Unix s
     steady : gives s that only grow
-    parts : what each asset depends on, its source first
+    parts : what each asset depends on: its source, the store, and the asset itself
     """
 
     def __init__(
@@ -160,7 +160,7 @@ class SiteView:
         stands = asset_status(
             asset,
             silence=None if seen.heard is None else self._steady() - seen.heard,
-            trouble=parts[0].trouble,
+            trouble=next((part.trouble for part in parts[:2] if part.trouble), ""),
             stale=seen.stale,
             unwatched="" if self.is_stopped else given_up[-1] if given_up else None,
         )

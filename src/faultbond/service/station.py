@@ -118,10 +118,10 @@ class Service:
         addresses = dict.fromkeys(item.source for item in site.assets)
         self._feeds = tuple(self._feed(address, open_source) for address in addresses)
         self._fed = {name: feed for feed in self._feeds for name in feed.assets}
-        parts = {name: (feed.part, self._assets[name]) for name, feed in self._fed.items()}
+        own = (ServicePart(name=name, since=clock()) for name in ("worker", "store", "disk", "page"))
+        self._core, self._kept, self._disk, self._telling = own
+        parts = {name: (feed.part, self._kept, self._assets[name]) for name, feed in self._fed.items()}
         self._view = SiteView(site, self._log, store, self._lock, clock, steady, parts)
-        own = (ServicePart(name=name, since=clock()) for name in ("worker", "store", "page"))
-        self._core, self._kept, self._telling = own
         self._wall = WallClock(clock, steady)
         self._answered = steady()  # when the worker was seen at work or idle
         self._policy = policy or RestartPolicy()
@@ -173,6 +173,7 @@ class Service:
             "now": self._clock(),
             "source": ", ".join(feed.source.address for feed in self._feeds),
             "assets": self._view.summaries(),
+            "troubles": self._troubles(),
         }
 
     def asset(self, name: str) -> Shown:
@@ -190,9 +191,8 @@ class Service:
     def health(self) -> Mapping[str, Any]:
         """Tell which parts work."""
         failed = [part for part in self._assets.values() if part.is_given_up]
-        desk = () if self.desk is None else (self._off_line,)
-        parts = (*(feed.part for feed in self._feeds), self._working(), self._kept, self._telling, *desk, *failed)
-        shown = {part.name: part.shown() for part in parts} | {**self._sinks.health()}
+        parts = (*(feed.part for feed in self._feeds), *failed)
+        shown = {part.name: part.shown() for part in parts} | self._own_parts()
         return {
             "ok": all(part["ok"] for part in shown.values()) and not self._view.is_stopped,
             "clock_jumps": self._wall.n_jumps,
@@ -347,6 +347,25 @@ class Service:
         for name, content in news:
             self._hub.publish(name, content)
 
+    def _own_parts(self) -> dict[str, Mapping[str, Any]]:
+        """Give how all stands that is about no asset in particular."""
+        desk = () if self.desk is None else (self._off_line,)
+        parts = (self._working(), self._kept, self._disk, self._telling, *desk)
+        return {part.name: part.shown() for part in parts} | {**self._sinks.health()}
+
+    def _troubles(self) -> list[str]:
+        """Say what of it does not work, a sentence each."""
+        return [f"{name}: {part['trouble']}" for name, part in self._own_parts().items() if not part["ok"]]
+
+    def _reserve(self) -> None:
+        """See that the store has its reserve."""
+        with self._lock:
+            lack = self._store.reserve()
+        if lack:
+            self._disk.fails(lack, self._clock())
+        else:
+            self._disk.works(self._clock())
+
     async def _look(self, worker: ThreadPoolExecutor) -> None:
         """See again and again that the worker answers."""
         while True:
@@ -438,7 +457,7 @@ class Service:
     async def _tick(self) -> None:
         """Tell who has gone silent, or whose shelf has ended."""
         known: dict[str, tuple[Any, ...]] = {}
-        forgotten = self._steady()
+        troubles, forgotten = list[str](), self._steady()
         while True:
             await asyncio.sleep(TICK)
             moved = self._wall.jumped()
@@ -447,6 +466,10 @@ class Service:
             if self._steady() - forgotten >= FORGET_EVERY:
                 went = await asyncio.to_thread(self._forget)
                 forgotten = forgotten if went.is_any else self._steady()  # there may be more, after those who wait
+            await asyncio.to_thread(self._reserve)
+            if troubles != self._troubles():
+                troubles = self._troubles()
+                self._hub.publish("service", {"troubles": troubles})
             summaries = await asyncio.to_thread(self._view.summaries)
             self._sinks.see(summaries)
             for summary in summaries:
@@ -461,7 +484,7 @@ class Service:
             f"The clock of this machine was set {'forward' if moved > 0.0 else 'back'} by {duration_text(abs(moved))}"
         )
         _LOG.warning("%s.", told)
-        own = (self._core, self._kept, self._telling)
+        own = (self._core, self._kept, self._disk, self._telling)
         for part in (*(feed.part for feed in self._feeds), *self._assets.values(), *own):
             part.since += moved
         self._view.set_clock(moved, f"{told}; it was then {clock_text(self._clock())}.")

@@ -57,6 +57,7 @@ def test_what_is_accepted_against_the_data_is_told() -> None:
     assert told(replace(sure, probability=0.001, group=False)).endswith(
         "It is the new normal. The data speak against it, so the next alarm may be the same one."
     )
+    assert one.nominal is not None
     near = replace(sure, suspects=(replace(one, estimate=1.0009 * one.nominal),))
     assert told(near).endswith("It is within 0.1 % of what was normal before, so the next alarm may be the same one.")
     assert told(replace(near, suspects=(*near.suspects, one))).endswith("It is the new normal.")

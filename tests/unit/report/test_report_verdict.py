@@ -64,8 +64,9 @@ def test_a_set_as_large_as_max_faults_says_what_was_not_asked(history: History) 
     assert told.endswith(", 99.3 % sure if no more than 2 things are at fault.")
     three = replace(GRAPH, max_faults=3)
     assert verdict_sentence(three, last, counts, Notation.FILE).endswith(", 99.3 % sure.")
-    trusted = [tuple(replace(item, suspect=False) for item in of) for of in (GRAPH.sensors, GRAPH.inputs)]
-    small = replace(two, parameters=two.parameters[:2], sensors=trusted[0], inputs=trusted[1])
+    sensors = tuple(replace(item, suspect=False) for item in GRAPH.sensors)
+    inputs = tuple(replace(item, suspect=False) for item in GRAPH.inputs)
+    small = replace(two, parameters=two.parameters[:2], sensors=sensors, inputs=inputs)
     some = [item.name for item in small.parameters]
     known = replace(pair, suspects=tuple(suspect(GRAPH, name, 1.2, 0.02) for name in some))
     told = verdict_sentence(small, with_last(history, (known,)), counts, Notation.FILE)

@@ -15,13 +15,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from benchmarks.shared.disk import fill, mounted
 
 from faultbond.cli import main
 from faultbond.errors import FaultbondError
 from faultbond.io.out import Out
+from faultbond.io.row_block import RowBlock
 from faultbond.service.program import serve
 from faultbond.service.site import Site, SiteAsset, User
 from faultbond.service.store.opening import open_store
+from faultbond.service.store.reserve_file import DEFAULT_SIZE
 from faultbond.service.web.security import hashed, matches
 from loop_asset import MODEL, RECORDING, plant
 
@@ -91,6 +94,53 @@ def test_a_killed_service_goes_on_and_tells_nothing_twice(tmp_path: Path) -> Non
     known = {item.id: item.content for item in kept.records()}
     assert lines[0]["id"] == next(iter(known))  # told before the last start
     assert all({k: v for k, v in line.items() if k not in {"asset", "id"}} == known[line["id"]] for line in lines)
+
+
+def test_a_disk_that_others_fill(tmp_path: Path) -> None:
+    """It is told, stops neither page nor program, a start waits it out, and once there is room nothing is missing."""
+    port = free_port()
+    with mounted(tmp_path / "disk", "80m") as disk:
+        if disk is None:
+            pytest.skip("a disk in memory cannot be mounted here")
+        source = ("--source", f"file:{RECORDING}?speed=20", "--store", str(disk / "kept.sqlite"))
+
+        def told(word: str) -> bool:
+            site = httpx.get(f"http://127.0.0.1:{port}/api/v1/site", timeout=5.0).json()
+            return any(word in text for text in site["troubles"])
+
+        with served(tmp_path, port, *source) as process:
+            until(port, lambda found: found["samples"] > 100)
+            assert not told("")
+            fill(disk / "ballast")
+            until(port, lambda found: told("kept in reserve"))
+            (disk / "kept.sqlite.reserve").unlink(missing_ok=True)
+            fill(disk / "more")
+            until(port, lambda found: told("the disk is full"))
+            assert httpx.get(f"http://127.0.0.1:{port}/health", timeout=5.0).status_code == 503
+            assert httpx.get(f"http://127.0.0.1:{port}/api/v1/assets/rlc", timeout=5.0).status_code == 200
+            process.send_signal(signal.SIGTERM)
+            _, complained = process.communicate(timeout=LONGEST)
+            assert "Traceback" not in complained
+            assert complained.splitlines()[-1].startswith(f"{disk}/kept.sqlite: the disk is full")
+        with served(tmp_path, port, *source) as process:
+            assert process.stderr is not None
+            lines = iter(process.stderr.readline, "")
+            assert next(line for line in lines if "The service begins once it can be used" in line)
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(LONGEST) == 128 + signal.SIGTERM
+        with served(tmp_path, port, *source) as process:
+            assert process.stderr is not None
+            assert "The service begins once it can be used" in process.stderr.readline()
+            for name in ("ballast", "more"):
+                (disk / name).unlink()
+            until(port, lambda found: found["samples"] >= 2390 and not told(""))
+            assert (disk / "kept.sqlite.reserve").stat().st_size == DEFAULT_SIZE
+            process.send_signal(signal.SIGTERM)
+            process.communicate(timeout=LONGEST)
+        kept = open_store(disk / "kept.sqlite", writes=False)
+        times = [time for block in kept.log_after("rlc", 0, 0) if isinstance(block, RowBlock) for time in block.time]
+        assert (len(times), len(set(times))) == (2400, 2400)
+        kept.close()
 
 
 def site(**changed: Any) -> Site:

@@ -31,6 +31,10 @@ class FailingStore(MemoryStore):
     """One that cannot be written, or read, for a while."""
 
     failures = unread = 0
+    lack = ""
+
+    def reserve(self) -> str:
+        return self.lack
 
     def deeds(self, asset: str | None = None, *, newest: int | None = None) -> Iterator[Deed]:
         if self.unread:
@@ -163,6 +167,54 @@ def test_a_store_that_cannot_be_written_stops_nothing_and_loses_nothing(monkeypa
         assert [item.action for item in store.deeds()] == [Action.SUPPRESS]
 
     play(Played(store, last=300), course)
+
+
+def test_a_disk_that_is_almost_full_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By /health, and on each page as soon as it is so, while all goes on; and that it is over."""
+    monkeypatch.setattr("faultbond.service.station.TICK", 0.05)
+    store = FailingStore()
+
+    async def course(played: Played) -> None:
+        told: list[list[str]] = []
+
+        async def hear() -> None:
+            async for name, content in played.service.listen(1000):
+                if name == "service":
+                    told.append(content["troubles"])
+
+        hearing = asyncio.create_task(hear())
+        await played.until(lambda: played.passed(200))
+        assert (played.service.health()["ok"], played.service.site()["troubles"]) == (True, [])
+        store.lack = "kept.sqlite: the disk is almost full."
+        await played.until(lambda: len(told) == 1)
+        assert not played.service.health()["ok"]
+        assert played.service.site()["troubles"] == told[0] == ["disk: kept.sqlite: the disk is almost full."]
+        await played.do(Action.SUPPRESS)
+        store.lack = ""
+        await played.until(lambda: len(told) == 2)
+        assert told[1] == []
+        assert played.service.health()["ok"]
+        hearing.cancel()
+
+    play(Played(store, last=300), course)
+
+
+def test_an_asset_says_that_its_data_cannot_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who sees no data reads why, also where the source gives them."""
+    monkeypatch.setattr("faultbond.service.station.RETRY", 0.05)
+    store = FailingStore()
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(200))
+        store.failures = 10**6
+        await played.until(lambda: bool(played.service.health()["parts"]["store"]["trouble"]))
+        played.steady.now += 60.0
+        shown = played.summary
+        assert (shown["status"], shown["monitoring"]) == ("CHECK_FUNCTION", "no data")
+        assert shown["headline"].startswith("No data for 60 s: kept.sqlite: the disk is full.")
+        store.failures = 0
+
+    play(Played(store, portion=10, pace=0.02), course)
 
 
 def test_who_wants_something_while_the_store_is_gone_is_refused_in_time(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,7 +49,11 @@ class Face(Protocol):
     """
 
     def site(self) -> Shown:
-        """Give `name`, `version`, `now`, `source`, and `assets`, a list of summaries."""
+        """Give `name`, `version`, `now`, `source`, `assets`, a list of summaries, and `troubles`.
+
+        These are sentences that say what does not work of the service itself, such as its store; what is wrong with
+        the source of an asset stands in its summary.
+        """
 
     def asset(self, name: str) -> Shown:
         """Give an asset. Raises KeyError where there is none of that name."""
@@ -82,7 +86,7 @@ class Face(Protocol):
     def listen(self, most: int = 100) -> AsyncIterator[tuple[str, Shown]]:
         """Give what happens from now on, each with its name.
 
-        They are `summary`, a summary; `samples`, curves of new points with the key `asset`; and `asset`, an asset whose
-        diagnosis, alarm or journal changed. Who does not take `most` of them in time is cut off: the iterator ends, and
-        it may listen anew.
+        They are `summary`, a summary; `samples`, curves of new points with the key `asset`; `asset`, an asset whose
+        diagnosis, alarm or journal changed; and `service`, with `troubles` as in `site` once they are others. Who does
+        not take `most` of them in time is cut off: the iterator ends, and it may listen anew.
         """

@@ -163,5 +163,11 @@ class LogStore(Protocol):
         go; who asks again until none goes lets others have the store in between.
         """
 
+    def reserve(self) -> str:
+        """Have again what room is kept for when the disk is full.
+
+        Gives a line that says what is wrong where it cannot be had, though the store can be written; else empty.
+        """
+
     def close(self) -> None:
         """Close it."""

@@ -84,6 +84,9 @@ class Database(Protocol):
     def shrink(self) -> None:
         """Give room that holds nothing back to the disk, where that is for the store to do."""
 
+    def reserve(self) -> str:
+        """Have again what room is kept for when the disk is full; give in a line what is wrong, else nothing."""
+
     def make_room(self, error: BaseException, *, all_of_it: bool) -> bool:
         """Make room where something could not be written for want of it; tell whether it is worth another try.
 

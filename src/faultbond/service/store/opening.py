@@ -25,7 +25,7 @@ def open_store(
     Parameters
     ----------
     address : a file, or `postgresql://USER@HOST/DATABASE`; what is not there is made where it may be written
-    tell : is given one line of what the operator should know, such as of a disk that is full
+    tell : is given one line of what the operator should know, such as of a state that is damaged
     writes : False: only read, also beside a service that writes it
     reserve : bytes of the disk that are kept beside a file for when the disk is full
 
@@ -37,7 +37,7 @@ def open_store(
     place = address if isinstance(address, Path) else store_address(address)
     if isinstance(place, ServerAddress):
         return RelationalStore(_in_server(place, tell, writes=writes), tell=tell)
-    return RelationalStore(SqliteDatabase(place, tell=tell, writes=writes, reserve=reserve), tell=tell)
+    return RelationalStore(SqliteDatabase(place, writes=writes, reserve=reserve), tell=tell)
 
 
 def _in_server(place: ServerAddress, tell: Callable[[str], None], *, writes: bool) -> Database:

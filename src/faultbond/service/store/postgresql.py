@@ -17,7 +17,7 @@ from uuid import uuid4
 import psycopg
 from psycopg.conninfo import conninfo_to_dict
 
-from faultbond.errors import AbsentStoreError, StoreError
+from faultbond.errors import AbsentStoreError, StoreError, UnreadyStoreError
 from faultbond.service.store.address import FORM, ServerAddress
 from faultbond.service.store.database import FORMAT, TABLES
 
@@ -37,6 +37,7 @@ SESSION = {  # so does the server with a service that is gone, which else would 
     "tcp_keepalives_interval": "2",
     "tcp_keepalives_count": "3",
 }
+PASSING = ("53100", "55P03")  # a disk that is full, a lock: others may mend it while it is waited for
 STATE = "CREATE TABLE faultbond (format BIGINT NOT NULL, turn TEXT NOT NULL)"
 INCOMPRESSIBLE = ("pieces content", "chunks content", "chunks overview", "checkpoints content")
 USED = " + ".join(
@@ -143,6 +144,10 @@ class PostgresqlDatabase:
 
     def shrink(self) -> None:
         """Do nothing: the server uses the room of what is gone again."""
+
+    def reserve(self) -> str:
+        """Say nothing: the disk is the server's."""
+        return ""
 
     def make_room(self, error: BaseException, *, all_of_it: bool) -> bool:
         """Tell that there is none: the disk is the server's."""
@@ -295,8 +300,11 @@ def refusal_error(name: str, error: psycopg.Error) -> StoreError:
     }
     lost = not state or state[:2] == "08" or state in ("57P01", "57P02", "57P03")
     if isinstance(error, psycopg.OperationalError) and lost:
-        return StoreError(f"{name}: the connection to the server is lost ({reason}). What was acknowledged is kept.")
-    return StoreError(f"{name}: {known.get(state) or f'it cannot be used: {reason}.'}")
+        return UnreadyStoreError(
+            f"{name}: the connection to the server is lost ({reason}). What was acknowledged is kept."
+        )
+    kind = UnreadyStoreError if state in PASSING else StoreError
+    return kind(f"{name}: {known.get(state) or f'it cannot be used: {reason}.'}")
 
 
 def unreached_error(name: str, error: psycopg.Error) -> StoreError:
@@ -307,8 +315,9 @@ def unreached_error(name: str, error: psycopg.Error) -> StoreError:
         "does not exist": "Make it on the server, or name another.",
         "pg_hba.conf": "Let the server admit this user from here.",
     }
-    advice = next((text for words, text in known.items() if words in reason), "Check the address, and that it runs.")
-    return StoreError(f"{name}: the server cannot be reached: {reason}. {advice}")
+    advice = next((text for words, text in known.items() if words in reason), "")
+    kind = StoreError if advice else UnreadyStoreError  # it is there, and refuses
+    return kind(f"{name}: the server cannot be reached: {reason}. {advice or 'Check the address, and that it runs.'}")
 
 
 def _reason(error: psycopg.Error) -> str:

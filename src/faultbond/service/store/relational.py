@@ -225,6 +225,10 @@ class RelationalStore:
         finally:
             self._logs.clear()  # tails are others now
 
+    def reserve(self) -> str:
+        """Have again what room is kept for a full disk, and say what is wrong; see `contract.store.LogStore`."""
+        return self._database.reserve()
+
     def _note(self, entry: AuditEntry, *, again: bool) -> None:
         kept = {"at": entry.at, "who": entry.who, "what": entry.what, "about": dict(entry.about)}
         content = json.dumps(kept)

@@ -5,6 +5,7 @@ for what comes, and the second for what goes; it has to hold the file of transac
 """
 
 import os
+import shutil
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,23 +22,19 @@ class ReserveFile:
     """
 
     def __init__(self, store: Path, size: int = DEFAULT_SIZE) -> None:
-        self._path, self._size = store.with_name(f"{store.name}.reserve"), size
+        self._path, self.size = store.with_name(f"{store.name}.reserve"), size
 
     @property
     def is_whole(self) -> bool:
         """Whether all of it is there."""
-        try:
-            return self._path.stat().st_size >= self._size
-        except OSError:
-            return self._size == 0
+        return self._held() >= self.size
 
     def renew(self) -> bool:
         """Take what is missing of it, if the disk has as much again to spare; tell whether it is whole."""
         if self.is_whole:
             return True
         try:
-            free = os.statvfs(self._path.parent) if hasattr(os, "statvfs") else None
-            if free is not None and free.f_bavail * free.f_frsize < 2 * self._size:
+            if shutil.disk_usage(self._path.parent).free < 2 * self.size - self._held():
                 return False
             self._fill()
         except OSError:
@@ -46,18 +43,25 @@ class ReserveFile:
 
     def give_up(self, *, all_of_it: bool) -> bool:
         """Give its room to the store, or the first half of it; tell whether there was any."""
-        left = 0 if all_of_it else self._size // 2
+        left = 0 if all_of_it else self.size // 2
         with suppress(OSError):
             if self._path.stat().st_size > left:
                 os.truncate(self._path, left)
                 return True
         return False
 
+    def _held(self) -> int:
+        """Give how many bytes there are of it."""
+        try:
+            return self._path.stat().st_size
+        except OSError:
+            return 0
+
     def _fill(self) -> None:
         """Take the room at once: a file with holes in it would hold none."""
         with self._path.open("wb") as stream:
             if hasattr(os, "posix_fallocate"):
-                os.posix_fallocate(stream.fileno(), 0, self._size)
+                os.posix_fallocate(stream.fileno(), 0, self.size)
                 return
-            for _ in range(0, self._size, 2**16):
+            for _ in range(0, self.size, 2**16):
                 stream.write(b"\xff" * 2**16)

@@ -6,13 +6,13 @@ Source: sqlite.org/wal.html, and pragma.html under `synchronous` and `auto_vacuu
 """
 
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from faultbond.errors import AbsentStoreError, StoreError
+from faultbond.errors import AbsentStoreError, StoreError, UnreadyStoreError
 from faultbond.service.store.database import FORMAT, TABLES
 from faultbond.service.store.lock import StoreLock
 from faultbond.service.store.reserve_file import DEFAULT_SIZE, ReserveFile
@@ -22,6 +22,7 @@ WAIT = 10.0  # s for another program that holds the file, such as one that copie
 LONGEST_LOG = 2**22  # bytes that the file of transactions keeps once they are in the store
 PORTION = 512  # pages that are moved in a transaction, which takes as much room beside the file
 SPARE = 256  # pages that stay in the file without content, beside a sixteenth of all
+PASSING = ("SQLITE_FULL", "SQLITE_BUSY", "SQLITE_LOCKED")  # that others may mend while it is waited for
 SHRUNK = 4096  # pages that a call gives back to the disk
 
 
@@ -31,7 +32,6 @@ class SqliteDatabase:
     Parameters
     ----------
     path : the file; one that is not there is made where it may be written
-    tell : is given one line of what the operator should know, such as of a disk that is full
     writes : whether it may be written; else only what is there is read, beside a service that writes it
     reserve : bytes of the disk that are kept for when it is full; see `reserve_file`
 
@@ -45,12 +45,11 @@ class SqliteDatabase:
         self,
         path: Path,
         *,
-        tell: Callable[[str], None] = lambda _: None,
         writes: bool = True,
         reserve: int = DEFAULT_SIZE,
     ) -> None:
         self.name, self.writes = str(path), writes
-        self._path, self._tell = path, tell
+        self._path = path
         if not writes and not path.is_file():
             raise AbsentStoreError(f"{path}: there is no such store. Name the file that `faultbond serve` writes.")
         self._lock = StoreLock(path) if writes else None
@@ -66,13 +65,7 @@ class SqliteDatabase:
             self._release()
             raise
         self._reserve = ReserveFile(path, reserve if writes else 0)
-        if not self._reserve.renew():
-            tell(f"{path}: the disk has no room for a reserve of {reserve >> 20} MB. Free some of it.")
-
-    @property
-    def has_reserve(self) -> bool:
-        """Whether there is still room that is kept for when the disk is full."""
-        return self._reserve.is_whole
+        self._reserve.renew()
 
     def close(self) -> None:
         """Close it, and let another service have it; the last one who closes it leaves all in one file."""
@@ -187,12 +180,17 @@ class SqliteDatabase:
         self.settle()
         self._reserve.renew()
 
+    def reserve(self) -> str:
+        """Have again the room that is kept for when the disk is full, and say what is wrong where it cannot be had."""
+        if self._reserve.renew():
+            return ""
+        size = f"{self._reserve.size >> 20} MB"
+        return f"{self._path}: the disk is almost full, with no room for the {size} kept in reserve. Free some of it."
+
     def make_room(self, error: BaseException, *, all_of_it: bool) -> bool:
         """Give up half of the reserve, or all of it, where the disk is full; tell whether there was any."""
         if not (is_full(error.__cause__) and self._reserve.give_up(all_of_it=all_of_it)):
             return False
-        if not all_of_it:
-            self._tell(f"{self._path}: the disk is full, and what was kept in reserve is in use. Free some of it.")
         self.settle()
         return True
 
@@ -280,4 +278,5 @@ def store_error(path: Path, error: sqlite3.Error) -> StoreError:
         "SQLITE_IOERR": "the disk cannot be read or written. Check the disk; what was acknowledged is kept.",
     }
     told = next((text for key, text in known.items() if name.startswith(key)), "")
-    return StoreError(f"{path}: {told or f'it cannot be used: {error}.'}")
+    kind = UnreadyStoreError if name.startswith(PASSING) else StoreError
+    return kind(f"{path}: {told or f'it cannot be used: {error}.'}")

@@ -283,7 +283,7 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
         cookie: Annotated[str | None, Depends(session_cookie)],
         asset: Annotated[str | None, Query(max_length=200, description="All of this one; of others summaries")] = None,
     ) -> Response:
-        """Tell what is so now and what happens: events `site`, `asset`, `summary`, `samples`, `alive`."""
+        """Tell what is so now and what happens: events `site`, `service`, `asset`, `summary`, `samples`, `alive`."""
         try:
             with _refusing(asset):
                 admitted = await broadcast.admit(asset)

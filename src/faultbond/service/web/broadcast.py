@@ -91,7 +91,7 @@ class Viewer:
             self._summaries[event.asset] = event
         elif event.name == "asset" and event.asset != self.asset:
             self._summaries[event.asset] = event.summary()
-        elif event.asset == self.asset:
+        elif event.asset in (None, self.asset):
             self._waiting.append(event)
             if event.name == "asset":
                 self._summaries.pop(event.asset, None)  # there is a newer one inside

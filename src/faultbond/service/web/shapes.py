@@ -116,13 +116,14 @@ class SummaryShape(Shape):
 
 
 class SiteShape(Shape):
-    """All that is watched. now: Unix s."""
+    """All that is watched. now: Unix s. troubles: what of the service itself does not work, a sentence each."""
 
     name: str
     version: str
     now: float
     source: str
     assets: list[SummaryShape]
+    troubles: list[str]
 
 
 class SignalShape(Shape):

@@ -99,6 +99,19 @@ def names(told: Told) -> list[str]:
     return [name for name, _ in told]
 
 
+@pytest.mark.parametrize("query", ["", "asset=tank_2"])
+def test_what_is_about_the_service_is_told_to_all(local: Asked, query: str) -> None:
+    """Whatever they look at."""
+
+    async def follow() -> None:
+        async with watched(local, query) as (wire, _):
+            await wire.until(lambda told: "site" in names(told))
+            local.face.fail("store: the disk is full.")
+            await wire.until(lambda told: ("service", {"troubles": ["store: the disk is full."]}) in told)
+
+    asyncio.run(asyncio.wait_for(follow(), 20.0))
+
+
 def test_a_stream_begins_with_what_is_so_now(local: Asked) -> None:
     """The site and the asset come first, then each sample, and signs of life while nothing happens."""
 

@@ -351,6 +351,23 @@ def test_a_lost_service_is_told(opened: Callable[..., Any], served: Served, view
     until(page, "!document.querySelector('main').textContent.includes('Not known')")
 
 
+@pytest.mark.parametrize("view", ["#/", "#/tank_2"])
+def test_what_does_not_work_of_the_service_is_told(
+    opened: Callable[..., Any], served: Served, view: str, axe: str
+) -> None:
+    """On top of each page, for as long as it is so; a page that opens meanwhile has it, too."""
+    page = opened(view)
+    assert page.is_hidden("#troubles")
+    served.loop.call_soon_threadsafe(served.face.fail, "store: the disk is full.", "tell scada: refused.")
+    page.wait_for_selector("#troubles:not([hidden])")
+    told = ["store: the disk is full.", "tell scada: refused."]
+    assert page.locator("#troubles p").all_inner_texts() == told
+    assert violations(page, axe) == []
+    assert opened(view).locator("#troubles p").all_inner_texts() == told
+    served.loop.call_soon_threadsafe(served.face.fail)
+    page.wait_for_selector("#troubles", state="hidden")
+
+
 def test_a_silent_service_is_lost_too(browser: Any, served: Served) -> None:
     """Where the connection stands and nothing is heard any more, the page says so."""
     page = browser.new_page()

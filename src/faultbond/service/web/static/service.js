@@ -3,7 +3,7 @@
 import { AssetView } from "./asset_view.js";
 import { Stream, login, logout, who } from "./connection.js";
 import { DeskView } from "./desk_view.js";
-import { isUnacknowledged, make } from "./elements.js";
+import { isUnacknowledged, make, renew } from "./elements.js";
 import { Overview, linkOf } from "./overview.js";
 import { Tour } from "./tour.js";
 
@@ -51,7 +51,8 @@ function heard(name, told) {
   else if (name === "site") {
     state.site = told;
     state.assets = new Map(told.assets.map((item) => [item.name, item]));
-  } else if (name === "summary") state.assets.set(told.name, told);
+  } else if (name === "service" && state.site) state.site.troubles = told.troubles;
+  else if (name === "summary") state.assets.set(told.name, told);
   else if (name === "asset") {
     state.assets.set(told.summary.name, told.summary);
     if (told.summary.name === asset) viewOf(asset).learn(told, state);
@@ -73,6 +74,9 @@ function show() {
   const unseen = [...state.assets.values()].filter((item) => isUnacknowledged(item.alarm));
   tour.show(state);
   byId("home").textContent = state.site.name;
+  const { troubles } = state.site;
+  byId("troubles").hidden = !troubles.length || state.isLost;
+  renew(byId("troubles"), troubles, () => troubles.map((text) => make("p", {}, text)));
   byId("count").hidden = !unseen.length;
   byId("count").href = unseen.length === 1 ? linkOf(unseen[0].name) : "#/";
   byId("count").textContent = unseen.length === 1 ? "1 alarm to acknowledge" : `${unseen.length} alarms to acknowledge`;
@@ -150,7 +154,7 @@ function askLogin() {
   view?.stop?.();
   view = null;
   Object.assign(state, { me: null, site: null, assets: new Map(), isLost: true, lostAt: null });
-  for (const id of ["person", "leave", "count", "crumb", "lost", "desk"]) byId(id).hidden = true;
+  for (const id of ["person", "leave", "count", "crumb", "lost", "troubles", "desk"]) byId(id).hidden = true;
   document.body.classList.remove("is-lost");
   tour.hide();
   byId("live-text").textContent = "Not logged in";
