@@ -31,7 +31,7 @@ def become(words: list[str]) -> None:
         if os.getppid() != parent:  # it went before this was said
             os._exit(CODE)
         if os.getpgrp() == os.getpid():  # a group of its own, with nobody else in it
-            watch(system)
+            end_group_after(system)
         with suppress(OSError), open("/proc/self/oom_score_adj", "w", encoding="ascii") as stream:
             stream.write("1000")
     os.nice(WAY)
@@ -44,7 +44,7 @@ def become(words: list[str]) -> None:
     os.execv(program[0], program)  # noqa: S606 - it is ours
 
 
-def watch(system: ctypes.CDLL) -> None:
+def end_group_after(system: ctypes.CDLL) -> None:
     """Begin a process that ends the group of this one once this one is gone."""
     watched = os.getpid()
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
