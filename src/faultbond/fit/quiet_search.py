@@ -156,8 +156,7 @@ class Search:
 
     def better(self, stand: Footing) -> Footing | None:
         """Give where the best further imperfection leads; None: none foretells what was held back better."""
-        tried = self._promising(stand)
-        if not tried:
+        if not (tried := self._promising(stand)):
             return None
         self.tell(f"fitting {', '.join(item.words for _, item in tried)}")
         found = [ground.climbed(stand, item, few=True) for ground, item in tried]
@@ -167,17 +166,17 @@ class Search:
             return None
         near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
         best = min(near, key=lambda item: item.unknown)
-        vain = (item for item, gain in zip(found, gained, strict=True) if gain < WORTH and not _hides(best, item))
+        hidden = [item for item in found if best.added[-1].may_have(item.added[-1], WORTHY)]
+        vain = (item for item, gain in zip(found, gained, strict=True) if gain < WORTH and item not in hidden)
         self.refused |= {item.added[-1].what.key for item in vain}
         # What gains as much as the best likely explains the same: it comes last; and lags first beside a slow error.
         slow = best.added[-1].what.is_slow
         order = sorted(found, key=lambda item: (slow and not item.added[-1].what.is_late, item in near, -item.held))
         others = [item for item in order if item is not best]
-        worthy = [item for item in others if item.held - stand.held >= max(WORTH, WORTHY * most) or _hides(best, item)]
+        worthy = [item for item in others if item.held - stand.held >= max(WORTH, WORTHY * most) or item in hidden]
         if not slow:  # a slow error also takes what a lag explains that is not there yet
             worthy = [item for item in worthy if not item.added[-1].what.is_slow]
-        joint = self._joint(stand, best, worthy)
-        if joint is not None:
+        if (joint := self._joint(stand, best, worthy)) is not None:
             return joint
         alike = tuple(item.added[-1].what for item in near if item is not best)
         alone = self._together(stand, [replace(best.added[-1], alike=alike)])
@@ -341,15 +340,6 @@ class Search:
             return (item.memory,)
         fit = tuple(count * self.step for count in MEMORIES if count * self.step <= self.longest)
         return fit or (self.longest,)
-
-
-def _hides(best: Footing, other: Footing) -> bool:
-    """Tell whether a slow error may have what a lag explains.
-
-    That lag may foretell little by itself: without the slow error, other values stand in for what it lacks.
-    """
-    first, second = best.added[-1], other.added[-1]
-    return first.what.is_slow and second.what.is_late and second.trained >= WORTHY * first.trained
 
 
 class _Ground:
