@@ -601,17 +601,6 @@ static int64_t widest_slot(int64_t k)
     return widest;
 }
 
-/* The drift of the same suspect that has gone some way when it begins, and begins widest; of equals the first; -1: none. */
-static int64_t widest_under_way(int64_t k)
-{
-    int64_t widest = -1;
-    for (int64_t lane = 0; lane < SWITCHED; lane++) {
-        const int is_one = SLOT_HYPOTHESIS[lane] == SLOT_HYPOTHESIS[k] && SLOT_KIND[lane] == KIND_DRIFT && SLOT_SIZE[lane] != 0.0;
-        if (is_one && (widest < 0 || SLOT_SIZE_SD[lane] > SLOT_SIZE_SD[widest])) widest = lane;
-    }
-    return widest;
-}
-
 /* A lane in the place of the least likely one of its fault, if it is likelier. Only where it begins, and so where it
    linearises, is what was found; the spread is that of one of the starts. Gives the lane that was changed; -1: none. */
 static int64_t replace_worst_slot(Bank *bank, const Renewed *renewed, double (*group)[GROUP], int64_t l)

@@ -254,25 +254,8 @@ static double since_trail(State *state)
     return elapsed;
 }
 
-/* A drift that a step of its parameter is likelier than has found nothing of use: its onset was the best when little was seen. So
-   it begins again as one that is under way, near the onset of the step and at its value. elapsed: s since the end of the trail. */
-static void follow_step(State *state, const Trail *trail, int64_t drift, double elapsed, int64_t l)
-{
-    Job *job = &state->job;
-    Bank *bank = &state->bank;
-    const int64_t step = likeliest_lane(bank, SLOT_HYPOTHESIS[drift]), wide = widest_under_way(drift);
-    const int64_t k = AT_PARAMETERS + SLOT_PARAMETER[drift], onset = bank->onset[step] - job->oldest;
-    if (wide < 0 || !(likelihood_of(bank, step) > likelihood_of_slot(bank, drift))) return;
-    const double *before = trail->old ? trail->old : before_onset(trail, onset > 0 ? onset : 1);
-    const double size = *number_of_step(bank, step, k) - before[k];
-    job->lane[l] = wide;
-    job->begins[l] = bank->onset[step];
-    job->found[l][1] = size * SLOT_RATE[wide] / (SLOT_SIZE[wide] * usual_step(trail, trail->n));
-    job->found[l][0] = size - job->found[l][1] * elapsed;
-}
-
 /* Note size and rate that the best lanes of some faults have found, as they were at the end of the trail. */
-static void note_slots(State *state, const Trail *trail, const Renewed *renewed, int64_t n)
+static void note_slots(State *state, const Renewed *renewed, int64_t n)
 {
     Job *job = &state->job;
     const double elapsed = since_trail(state);
@@ -281,7 +264,6 @@ static void note_slots(State *state, const Trail *trail, const Renewed *renewed,
         job->begins[l] = state->bank.onset[N_STEPS + best];
         job->found[l][1] = *number_of_slot(&state->bank, best, AT_SLOT + 1);
         job->found[l][0] = *number_of_slot(&state->bank, best, AT_SLOT) - job->found[l][1] * elapsed;
-        if (SLOT_KIND[best] == KIND_DRIFT && SLOT_PARAMETER[best] >= 0) follow_step(state, trail, best, elapsed, l);
     }
 }
 
@@ -322,7 +304,7 @@ static void open_group(State *state, const Trail *trail, BankMemory *memory)
         job->lane[l] = job->stage == RAMPS ? drift_of(first + l < n ? first + l : first)
                                            : lane_of_stage(job, first + l < n ? first + l : first, renewed);
     if (job->kind != BEGINNING && job->stage == RAMPS) choose_ramps(bank, job->lane, job->begins);
-    else if (job->kind != BEGINNING && job->stage == SLOTS) note_slots(state, trail, renewed + first, n - first);
+    else if (job->kind != BEGINNING && job->stage == SLOTS) note_slots(state, renewed + first, n - first);
     else if (job->kind != BEGINNING) note_steps(state, trail, &memory->steps);
     open_search(job, trail);
 }
