@@ -22,27 +22,26 @@ LATE_IMPORTS = (
     ("model", "pint"),
     ("io", "pyarrow"),
     ("synthesis", "casadi"),
-    ("equations", "scipy"),  # large models alone need it, and it is a third of what a small one takes
     ("app", "faultbond.analysis"),  # loads casadi and sympy
     ("app", "faultbond.app.answers"),  # loads sympy
     ("app", "faultbond.app.network_run"),  # loads casadi and sympy
-    ("app", "faultbond.app.self_test"),  # loads casadi
+    ("app", "faultbond.app.self_test"),  # loads casadi and scipy
     ("app", "faultbond.app.quiet_fit"),  # loads casadi and scipy
     ("app", "faultbond.app.unfamiliar"),  # after an alarm only
     ("app", "faultbond.app.unit_guess"),  # loads the units
     ("app", "faultbond.model.text"),  # loads yaml
     ("app", "faultbond.app.classic"),  # loads casadi and sympy
-    ("app", "faultbond.app.structure_study"),  # loads rich
+    ("app", "faultbond.app.structure_study"),  # loads rich and scipy
     ("app", "faultbond.app.study"),  # loads casadi and sympy
     ("app", "faultbond.synthesis"),  # loads casadi
-    ("app", "faultbond.equations"),  # loads casadi
+    ("app", "faultbond.equations"),  # loads scipy
     ("app", "faultbond.fit"),  # loads casadi and scipy
     ("app", "faultbond.networks"),  # loads casadi and sympy
-    ("app", "faultbond.simulate"),  # loads casadi
+    ("app", "faultbond.simulate"),  # loads casadi and scipy
     ("app", "faultbond.report"),  # loads rich and jinja2
     ("app", "rich"),
     ("app", "threadpoolctl"),
-    ("service", "faultbond.app.self_test"),  # loads casadi
+    ("service", "faultbond.app.self_test"),  # loads casadi and scipy
     ("service", "faultbond.service.sinks.mqtt"),  # needs aiomqtt
     ("service", "faultbond.service.sinks.opcua"),  # needs asyncua
     ("service", "faultbond.service.sources.mqtt"),  # needs aiomqtt
@@ -50,7 +49,7 @@ LATE_IMPORTS = (
     ("service", "faultbond.service.sources.opcua_identity"),  # the same
     ("service", "faultbond.service.sources.sparkplug"),  # needs protobuf
     ("service", "faultbond.service.store.postgresql"),  # needs psycopg
-    ("service", "faultbond.simulate"),  # loads casadi
+    ("service", "faultbond.simulate"),  # loads casadi and scipy
     ("service", "faultbond.synthesis"),  # loads casadi
     ("api", "faultbond.api.plot"),  # needs matplotlib
     ("api", "matplotlib"),
@@ -196,16 +195,6 @@ def test_runtime_loads_no_design_time_package() -> None:
     code = f"import sys, faultbond.runtime.monitor, faultbond.contract.spec; {check}"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stderr.strip() == ""
-
-
-def test_a_model_is_generated_without_scipy() -> None:
-    """What an engine and its self-test are made with loads no scipy, which takes longer than the rest."""
-    names = "faultbond.model.text, faultbond.synthesis.engine, faultbond.synthesis.project, faultbond.app.self_test"
-    model = SOURCE.parents[1] / "examples" / "tank" / "model.yaml"
-    build = f"faultbond.synthesis.engine.build_model(faultbond.model.text.load_model({str(model)!r}))"
-    code = f"import sys, {names}; {build}; sys.exit('scipy' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr.strip()) == (0, "")
 
 
 @pytest.mark.parametrize("package", sorted({path.parent for path in MODULES} - {SOURCE}), ids=name_of)

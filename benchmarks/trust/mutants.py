@@ -33,6 +33,7 @@ ROWS = 150  # of a recording; the alarms are on after them
 SECONDS, MEGABYTES = 10, 1000  # of the processor; of memory above that of the process which was forked
 WAIT = 120  # s on the clock after which a mutant that sleeps is stopped
 HARD = 4  # times the allowed memory at which the system refuses more
+REMARKS = ("its row is not used", "it counts as missing", "than sample_time, ")  # that may stand beside a line
 ODD = ["", "nan", "inf", "-inf", "1e300", "-1e300", "1e-300", "1e18", "0", "-1", "0,5", "x", "=1+1"]
 ODD += ["9" * 400, "\x1b[31m"]
 WORDS = ["none", "variable", "any", "logic", "1e308 s", "0 s", "-1 V", "[]", "{}", "percent", "e = f", "1/0"]
@@ -69,7 +70,7 @@ class Outcome:
             yield f"over {MEGABYTES} MB"
         if re.search(r"Warning|Traceback", self.errors):
             yield "warning or traceback"
-        if self.errors.count("\n") > 1:
+        if len([line for line in self.errors.splitlines() if not any(words in line for words in REMARKS)]) > 1:
             yield "more than one line"
         if re.search(r"\d{60}", self.output + self.errors):
             yield "endless number"

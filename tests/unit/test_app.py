@@ -180,7 +180,7 @@ def test_broken_rows_are_counted(folder: Path, tmp_path: Path, capsys: pytest.Ca
     [
         (lambda rows: rows[:12], "the recording ended after 12 samples, and the alarms are off for the first 20"),
         (blank(1), "no row has a value of the input V"),
-        (blank(2), "no row has a value of a sensor that is in use once the alarms are on"),
+        (blank(2), "no row has a value of the sensor V_C; check the column"),
     ],
 )
 def test_no_verdict(edit: Edit, reason: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

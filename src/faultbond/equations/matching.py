@@ -12,6 +12,8 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import maximum_bipartite_matching
 
 Equations = Sequence[Sequence[int]]
 
@@ -67,10 +69,6 @@ def match(equations: Equations, n_variables: int, start: Sequence[int] = ()) -> 
 
 def match_any(equations: Equations, n_variables: int) -> tuple[int, ...]:
     """Give for each variable the equation that determines it, or -1: as many as possible, none preferred; in C."""
-    # What is loaded takes as long as all else of a small model: a third of a second.
-    from scipy.sparse import csr_array  # noqa: PLC0415 - needed here alone
-    from scipy.sparse.csgraph import maximum_bipartite_matching  # noqa: PLC0415 - needed here alone
-
     starts = np.cumsum([0, *map(len, equations)])
     entries = np.fromiter((v for variables in equations for v in variables), dtype=np.intp, count=int(starts[-1]))
     table = csr_array((np.ones(len(entries), dtype=np.int8), entries, starts), shape=(len(equations), n_variables))

@@ -13,7 +13,7 @@ from math import comb
 
 from faultbond.equations.constraint_network import Constraint, ConstraintNetwork, Store
 from faultbond.equations.inversion import isolate, linear_solution, substitute
-from faultbond.equations.matching import blocks, holdings, match
+from faultbond.equations.matching import blocks, holdings, match_any
 from faultbond.errors import StructureError
 from faultbond.model.expression import Binary, Expression, Name, names
 
@@ -113,7 +113,7 @@ def _steps(equations: list[_Equation], network: ConstraintNetwork, file: str) ->
     """Match equations and signals, and solve block by block."""
     place = {name: k for k, name in enumerate(network.signals)}
     rows = [sorted(place[name] for name in equation.unknowns) for equation in equations]
-    matched = match(rows, len(place))
+    matched = match_any(rows, len(place))
     held = holdings(rows, matched)
     if -1 in held or -1 in matched:
         lost = sorted({item.constraint.owner for item, signal in zip(equations, held, strict=True) if signal < 0})

@@ -17,7 +17,7 @@ SPEC = EngineSpec(
     sample_time=1.0,
     states=(),
     slow_errors=(
-        SlowErrorSpec(name="line.f", sd=0.02, memory=600.0, alarms=True),
+        SlowErrorSpec(name="line.f", sd=0.02, memory=600.0, alarms=True, is_bound=True),
         SlowErrorSpec(name="level", sd=0.002, memory=40.0, alarms=False),
     ),
     parameters=(),
