@@ -32,6 +32,7 @@ httpx = pytest.importorskip("httpx", reason="there is no httpx: pip install http
 pytest.importorskip("uvicorn", reason='there is no uvicorn: pip install "faultbond[serve]"')
 
 QUIET = Out(text=None, json=None)
+ALL = 2400  # samples of the recording
 LONGEST = 90.0  # s that anything takes on a busy machine
 
 
@@ -75,13 +76,13 @@ def test_a_killed_service_goes_on_and_tells_nothing_twice(tmp_path: Path) -> Non
             samples = until(port, lambda found, k=k: found["samples"] > 250 * (k + 1))["samples"]  # type: ignore[misc]
     assert samples > 750
     with served(tmp_path, port, *source) as process:
-        shown = until(port, lambda found: found["samples"] >= 2390)
+        shown = until(port, lambda found: found["samples"] >= ALL)
         assert shown["status"] == "FAILURE"
         process.send_signal(signal.SIGTERM)
         assert process.wait(LONGEST) == 128 + signal.SIGTERM
     other = ("--source", f"file:{RECORDING}?speed=max", "--store", "whole.sqlite")
     with served(tmp_path, port, *other) as process:
-        until(port, lambda found: found["samples"] >= 2390)
+        until(port, lambda found: found["samples"] >= ALL)
         process.send_signal(signal.SIGINT)
         assert process.wait(LONGEST) == 128 + signal.SIGINT
         said, complained = process.communicate()
