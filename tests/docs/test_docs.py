@@ -224,6 +224,15 @@ def test_keys_of_a_structure(tmp_path: Path) -> None:
     assert record["sets"]
 
 
+def test_keys_of_a_check(tmp_path: Path) -> None:
+    """The table of the record of `check` has a row for each of its keys."""
+    target = tmp_path / "record.json"
+    assert main(["check", str(ROOT / "examples" / "tank" / "model.yaml"), "--json", str(target)]) == 0
+    rows = COMMANDS.split('### `"record": "check"`', 1)[1].split("\n###", 1)[0]
+    told = {name for row in re.findall(r"^\| (.*?) \|", rows, re.MULTILINE) for name in re.findall(r"`(\w+)`", row)}
+    assert set(json.loads(target.read_text(encoding="utf-8"))) - {"record"} == told
+
+
 def test_a_toolbox_model_becomes_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The lines of the page write a file that is read as the structure that it stands for."""
     (place,) = [text for _, text in fences("python") if "model_def" in text]

@@ -74,7 +74,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x8aa289051b2fd735ULL, 0x097d3f58208ed8dfULL, 0x3bd4554105e60ed3ULL, 0x1389992c72b10e12ULL};
+static const uint64_t MODEL_HASH[] = {0x6dbeb54cf65acb15ULL, 0xa95c5f7c31b715e2ULL, 0x73c1d10515bd7c8cULL, 0xdb1f5828097168c3ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -129,7 +129,6 @@ static const int JUMP_ROW[] = {0, 1};
 static const int JUMP_PARAMETER[] = {1};
 static const double JUMP_EXPONENT[] = {(-1.0)};
 static const double SLOW_SD[] = {0.0};
-static const int SLOW_ALARMS[] = {0};
 static const double SLOW_LIMIT[] = {0.0};
 static const double SLOW_WATCHED[] = {0.0};
 static const int AFTER_ROW[] = {0};

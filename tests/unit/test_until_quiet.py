@@ -1,7 +1,7 @@
 """`fit --until-quiet`: what recordings call for is added to a model, and nothing else."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -199,6 +199,29 @@ def test_errors_tell_what_they_look_like(tmp_path: Path) -> None:
     assert "i moves the other way round than expected" in said
 
 
+def bare_search() -> Search:
+    """Give a search that knows no recordings, for tests of what it chooses."""
+    search = Search.__new__(Search)
+    search.tell, search.refused = lambda _: None, set()
+    return search
+
+
+def searched(
+    monkeypatch: pytest.MonkeyPatch,
+    stand: Footing,
+    alone: dict[Imperfection, Footing],
+    together: Callable[[Search, Footing, list[Added]], Footing],
+) -> tuple[Search, Footing]:
+    """Give a search after its round, and what it chose, by where imperfections lead alone and together."""
+    search = bare_search()
+    ground = SimpleNamespace(climbed=lambda _, item, few: alone[item])
+    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item) for item in alone])
+    monkeypatch.setattr(Search, "_together", together)
+    better = search.better(stand)
+    assert better is not None
+    return search, better
+
+
 @pytest.mark.parametrize(
     ("both", "lags", "kept"),
     [
@@ -226,13 +249,7 @@ def test_a_slow_error_does_not_stand_for_lags(
         gains = {(True, 1): lags, (True, 2): lags, (False, 3): both, (False, 2): both, (False, 1): 602.0}
         return footing(tuple(more), gains[more[0].what.kind is Kind.LAG, len(more)])
 
-    search = Search.__new__(Search)
-    search.tell, search.refused = lambda _: None, set()
-    ground = SimpleNamespace(climbed=lambda _, item, few: found[items.index(item)])
-    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item) for item in items])
-    monkeypatch.setattr(Search, "_together", together)
-    better = search.better(stand)
-    assert better is not None
+    _, better = searched(monkeypatch, stand, dict(zip(items, found, strict=True)), together)
     assert {item.what.kind for item in better.added} == kept
 
 
@@ -254,13 +271,7 @@ def test_a_lag_is_asked_for_beside_a_slow_error_though_it_foretells_nothing_alon
     def together(_: Search, stand: Footing, more: list[Added]) -> Footing:
         return replace(stand, held=both if len(more) > 1 else more[0].held, added=tuple(more))
 
-    search = Search.__new__(Search)
-    search.tell, search.refused = lambda _: None, set()
-    ground = SimpleNamespace(climbed=lambda _, item, few: found[items.index(item)])
-    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item) for item in items])
-    monkeypatch.setattr(Search, "_together", together)
-    better = search.better(stand)
-    assert better is not None
+    search, better = searched(monkeypatch, stand, dict(zip(items, found, strict=True)), together)
     assert {item.what.kind for item in better.added} == kept
     assert not search.refused  # beside what is found later it may gain
 
@@ -288,13 +299,7 @@ def test_a_slow_error_of_a_sensor_does_not_stand_for_its_lag(
         gains = {frozenset(items[2:]): 753.0, frozenset((slow, *items[2:])): both}
         return footing(tuple(more), gains.get(frozenset(asked), 603.0 if lags else 602.0))
 
-    search = Search.__new__(Search)
-    search.tell, search.refused = lambda _: None, set()
-    ground = SimpleNamespace(climbed=lambda _, item, few: found[items.index(item)])
-    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item) for item in items])
-    monkeypatch.setattr(Search, "_together", together)
-    better = search.better(stand)
-    assert better is not None
+    _, better = searched(monkeypatch, stand, dict(zip(items, found, strict=True)), together)
     assert {item.what.kind for item in better.added} == kept
     assert {item.what.place for item in better.added if item.what.kind is Kind.LAG} == {"i", "V"}
 
@@ -309,12 +314,10 @@ def test_what_gains_nothing_beside_all_recordings_is_not_added(gain: float, monk
         held = 50.0 if few else gain
         return replace(stand, held=stand.held + held, added=(Added(what=item, trained=held, held=held),))
 
-    search = Search.__new__(Search)
-    search.tell, search.refused = lambda _: None, set()
     ground = SimpleNamespace(climbed=climbed)
     monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item)])
     monkeypatch.setattr(Search, "_ground_with", lambda *_: ground)
-    better = search.better(stand)
+    better = bare_search().better(stand)
     assert (better is not None) == (gain >= WORTH)
 
 

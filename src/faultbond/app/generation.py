@@ -52,7 +52,7 @@ def generated(model: ModelFile, *, output: Path, target: str, lanes_at_most: int
     graph = load_model(model)
     check_has_time(graph)
     check_folder(output)
-    from faultbond.app.self_test import self_test  # noqa: PLC0415 - loads casadi
+    from faultbond.app.self_test import self_test  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.equations.plant import build_plant  # noqa: PLC0415 - loads casadi
     from faultbond.equations.step import build_step_model  # noqa: PLC0415 - loads casadi
     from faultbond.synthesis import project  # noqa: PLC0415 - loads casadi

@@ -42,7 +42,7 @@ class Simulated:
 
     def columns(self) -> dict[str, FloatArray]:
         """Give its columns by header, (n_rows,) each, in the units of the model file."""
-        from faultbond.simulate import columns  # noqa: PLC0415 - loads casadi
+        from faultbond.simulate import columns  # noqa: PLC0415 - loads casadi and scipy
 
         return dict(columns(self.graph, self.simulation, digits=9))
 
@@ -116,7 +116,7 @@ def simulated(
     graph = of_rows(means)
     points, held = driving_inputs(graph, inputs)
     begin = {**solved_start(means, inputs), **start}
-    from faultbond.simulate import Effects, Inputs, fault_in_si  # noqa: PLC0415 - loads casadi
+    from faultbond.simulate import Effects, Inputs, fault_in_si  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.simulate import simulate as simulate_plant  # noqa: PLC0415
 
     seed = secrets.randbelow(2**31) if seed is None else seed

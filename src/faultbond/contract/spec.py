@@ -39,10 +39,14 @@ class SlowErrorSpec:
     name: str
     sd: float
     memory: float  # seconds
-    alarms: bool  # when it leaves its declared size; not what grows after an input has changed, nor an unknown input
-    is_bound: bool = False  # its size, a part of a law; else that is usual, and larger ones come
+    limit: float  # in its declared sizes, beyond which it alarms; infinite: it never does
     wanders: bool = False  # it is of a parameter
     after: tuple[tuple[int, float], ...] = ()  # (input, sd per SI of change)
+
+    @property
+    def alarms(self) -> bool:
+        """Whether it alarms when it leaves its declared size by far."""
+        return self.limit < inf
 
     @property
     def words(self) -> str:
@@ -151,8 +155,6 @@ class Thresholds:
     scatter_limit: float = 50.0
     learning_bound: float = 6.0
     bank_bound: float = 20.0
-    slow_error_limit: float = 1.6
-    wander_limit: float = 5.0
     cost_per_suspect: float = 5.0
     cost_per_sensor: float = 4.0
     group_nats: float = 3.0
@@ -312,9 +314,7 @@ class EngineSpec:
     @cached_property
     def slow_limits(self) -> FloatArray:
         """Limit of each slow error in its declared sd, shape (n_slow_errors,)."""
-        settings = self.thresholds
-        limits = (settings.slow_error_limit if item.is_bound else settings.wander_limit for item in self.slow_errors)
-        return _still(np.array(list(limits)))
+        return _still(np.array([item.limit for item in self.slow_errors]))
 
     @cached_property
     def slow_watched(self) -> FloatArray:

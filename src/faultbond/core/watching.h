@@ -330,15 +330,14 @@ static inline void accumulate(const Clock *clock, const Inputs *inputs, const He
 
 /* Whether a slow error has left its declared size. It counts once it has been watched for as long as its memory: until
    then it stands for parameters that the filter has not learned yet. What wanders is as large as declared, and its limit
-   allows for that, so it counts at once. */
+   allows for that, so it counts at once. What never alarms has an infinite limit. */
 static inline flag slow_error_alarms(const Clock *clock, const real *lane)
 {
     const real begun = AS_REAL(clock->begun), accepted = AS_REAL(clock->accepted), from = greater(begun, accepted);
     const real watched = (AS_REAL(clock->index) - from) * (SAMPLE_TIME > 0.0 ? SAME(SAMPLE_TIME) : clock->pause);
     flag found = NEVER;
     for (int k = 0; k < N_SLOW; k++)
-        if (SLOW_ALARMS[k])
-            found |= (SIZE(lane[AT_SLOW + k] / SLOW_SD[k]) > SLOW_LIMIT[k]) & (watched >= SLOW_WATCHED[k]);
+        found |= (SIZE(lane[AT_SLOW + k] / SLOW_SD[k]) > SLOW_LIMIT[k]) & (watched >= SLOW_WATCHED[k]);
     return found;
 }
 

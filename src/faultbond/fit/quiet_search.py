@@ -41,7 +41,7 @@ from faultbond.fit.imperfections import (
     size_place,
     with_imperfections,
 )
-from faultbond.fit.likelihood import build_begin, known_starts, layout_of, nominal_q
+from faultbond.fit.likelihood import Padded, build_begin, known_starts, layout_of, nominal_q
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.stray import INSIDE
@@ -169,7 +169,8 @@ class Search:
         hidden = [item for item in found if best.added[-1].may_have(item.added[-1], WORTHY)]
         vain = (item for item, gain in zip(found, gained, strict=True) if gain < WORTH and item not in hidden)
         self.refused |= {item.added[-1].what.key for item in vain}
-        # What gains as much as the best likely explains the same: it comes last; and lags first beside a slow error.
+        # What gains as much as the best is likely to explain the same, so it is the last to be tried beside it. Lags
+        # and holds are first beside a slow error, which may stand for them.
         slow = best.added[-1].what.is_slow
         order = sorted(found, key=lambda item: (slow and not item.added[-1].what.is_late, item in near, -item.held))
         others = [item for item in order if item is not best]
@@ -458,7 +459,7 @@ class _Ground:
         return FittedPlant(
             sensors=tuple(item.name for item in self.graph.sensors),
             layout=layout,
-            engine=_Padded(self.engine, layout.n_sample),
+            engine=Padded(self.engine, layout.n_sample),
             begin=self.begin,
             base=base,
             implicit=self.model.reference_implicit,
@@ -543,22 +544,6 @@ class _Ground:
             found = [by_hand(row[n_u:], row[:n_u], implicit).full()[:, 0] for row in rows]
             sizes = np.sqrt(np.mean(np.square(found), axis=0))
         return {name: float(size) for name, size in zip(self.search.signals, sizes, strict=True) if np.isfinite(size)}
-
-
-class _Padded:
-    """An engine that takes samples of a plant with fewer slow errors: nothing is added to those behind."""
-
-    def __init__(self, engine: Engine, n_sample: int) -> None:
-        self.engine, self.n_sample = engine, n_sample
-
-    @property
-    def title(self) -> str:
-        return self.engine.title
-
-    def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Filter all lanes over a block of samples; see `Engine.advance`."""
-        missing = self.n_sample - samples.shape[1]
-        return self.engine.advance(lanes, np.pad(samples, ((0, 0), (0, missing))) if missing else samples)
 
 
 def values_of(plant: FittedPlant, stand: Footing) -> FloatArray:

@@ -41,8 +41,6 @@ THRESHOLDS = {
     "cusum_clip": "CUSUM: largest contribution of one sample, standard deviations",
     "learning_bound": "largest innovation from which the healthy filter learns once warm, standard deviations",
     "bank_bound": "largest innovation that counts after the alarm, standard deviations",
-    "wander_limit": "limit at which a parameter that wanders alarms, in its declared sizes",
-    "slow_error_limit": "limit at which a slow error alarms, in its declared sizes",
     "cost_per_suspect": "cost of each suspect of a set, nats",
     "cost_per_sensor": "cost of a sensor as the suspect, nats",
     "group_nats": "sets closer to the best than this are not told apart, nats",
@@ -171,13 +169,16 @@ def check_record(seen: Inventory) -> Record:
         ],
         "slow_errors": [
             {"signal": error.target, "sd": error.sd, "relative": error.relative, "memory": error.memory}
-            | {"alarms": known.alarms, "after": list(error.after), "each": error.each}
+            | {"alarms": known.alarms, "limit": known.limit if known.alarms else None}
+            | {"after": list(error.after), "each": error.each}
             for error, known in zip(graph.slow_errors, spec.slow_errors, strict=True)
             if not error.wanders
         ],
         "wanders": [
             {"name": item.target, "sd": item.sd, "relative": item.relative, "memory": item.memory}
-            for item in graph.wanders
+            | {"limit": known.limit if known.alarms else None}
+            for item, known in zip(graph.slow_errors, spec.slow_errors, strict=True)
+            if item.wanders
         ],
         "checks": [
             {
@@ -451,10 +452,11 @@ def _print_signals(console: Console, seen: Inventory) -> None:
             known_unit = error.unit if error.unit.text else graph.signal_unit(error.target)
             size = f"{100 * error.sd:g} %" if error.relative else _spread(known_unit, error.sd)
             size += f", more after a change of {', '.join(error.after)}" if error.after else ""
-            rows.append((error.target, size, duration_text(error.memory), "yes" if slow.alarms else "no"))
+            limit = f"beyond {slow.limit:.2g} sizes" if slow.alarms else "never"
+            rows.append((error.target, size, duration_text(error.memory), limit))
         if rows:
             title(console, heading)
-            table(console, (what, "size (sd)", "memory", "may alarm"), rows)
+            table(console, (what, "size (sd)", "memory", "alarms"), rows)
     if graph.checks:
         title(console, "Checks by hand")
         table(console, ("name", "what is done", "cost"), [_check_row(item, graph) for item in graph.checks])

@@ -92,7 +92,6 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
     yield from ragged_table("JUMP", [[j for j, _ in item.jumps] for item in spec.states], "PARAMETER")
     yield numbers("JUMP_EXPONENT", (power for item in spec.states for _, power in item.jumps))
     yield numbers("SLOW_SD", (item.sd for item in spec.slow_errors))
-    yield integers("SLOW_ALARMS", (item.alarms for item in spec.slow_errors))
     yield numbers("SLOW_LIMIT", spec.slow_limits)
     yield numbers("SLOW_WATCHED", spec.slow_watched)
     yield from ragged_table("AFTER", [[k for k, _ in item.after] for item in spec.slow_errors], "INPUT")

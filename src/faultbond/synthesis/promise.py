@@ -13,7 +13,7 @@ All statistics share the promise: the rates of their false alarms add up to one 
 scatter has a limit of its own, which real sensors ask for; white innovations pass it once in 1e19 samples.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from math import exp, log, pi, sqrt
 
 OVERSHOOT = 1.166  # by which a sum passes its limit on average, in standard deviations of an innovation
@@ -42,19 +42,18 @@ def cusum_limit(promise: float, step: float, n_outputs: int, drift: float, share
     return _first(length, samples)
 
 
-def slow_error_limit(promise: float, memories: Sequence[float], shares: int = 1) -> float:
-    """Give the limit of the slow errors in their declared standard deviations.
+def slow_error_limit(promise: float, memory: float, shares: int = 1) -> float:
+    """Give the limit of a slow error in its declared standard deviations.
 
     Parameters
     ----------
     promise : mean time between false alarms, s
-    memories : of the slow errors that can alarm, s; at least one
-    shares : among how many kinds of statistic the promise is shared
+    memory : of the slow error, s
+    shares : among how many slow errors, each of as many kinds of statistic, the promise is shared
     """
 
     def length(limit: float) -> float:
-        rate = sum(1.0 / memory for memory in memories)
-        return sqrt(pi / 2.0) * exp(min(0.5 * limit**2, 500.0)) / limit / rate
+        return memory * sqrt(pi / 2.0) * exp(min(0.5 * limit**2, 500.0)) / limit
 
     return _first(length, shares * promise, low=1.0)
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
-from math import ceil
+from math import ceil, inf
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from faultbond.contract.spec import (
     Thresholds,
 )
 from faultbond.equations.step import StepModel, reference_inputs
-from faultbond.model.graph import BondGraph, Input, Parameter, Sensor, Validity
+from faultbond.model.graph import BondGraph, Input, Parameter, Sensor, SlowError, Validity
 from faultbond.synthesis.promise import cusum_limit, slow_error_limit
 
 VERSION = version("faultbond")
@@ -28,6 +28,8 @@ _STEP_PART = 0.01  # of an input's range; a larger change from row to row is a s
 _STEP_NOISE = 6.0  # standard deviations of a noisy input that are no step yet
 _FACTOR_LOW, _FACTOR_HIGH = 0.02, 50.0  # default range of a parameter, in nominals
 _WARM_UP_SAMPLES = 20
+_BOUND_LIMIT = 1.6  # declared sizes of a slow error that is a part of a law, where nothing is promised
+_USUAL_LIMIT = 5.0  # of any other
 _OUTSIDE = 4.0  # accuracies by which an estimate may leave the range about a healthy value at its end
 _SHOWN_WITHIN = 50  # samples
 MOST_BEGUN = 300  # sets tested from the alarm on; where there are more, the larger ones wait in reserve
@@ -42,19 +44,18 @@ def build_spec(model: StepModel) -> EngineSpec:
     drifts = _drifts(model)
     states = tuple(_state(model, k, float(drifts[k])) for k in range(len(model.states)))
     begun, reserve = _in_turn(choice.sets)
-    parameters = {item.name for item in graph.parameters}
     positions = {item.name: k for k, item in enumerate(graph.inputs)}
+    limits = _slow_limits(graph)
     slow = tuple(
         SlowErrorSpec(
             name=error.target,
             sd=error.sd,
             memory=error.memory,
-            alarms=error.target in parameters if error.wanders else not error.after,
-            is_bound=error.relative and not error.is_sensor and not error.wanders,
+            limit=limit,
             wanders=error.wanders,
             after=tuple((positions[name], error.each) for name in error.after),
         )
-        for error in graph.slow_errors
+        for error, limit in zip(graph.slow_errors, limits, strict=True)
     )
     conditions, stores = graph.conditions, [item.name for item in plant.network.states]
     grid = graph.sample_time if graph.sample_time is not None else 1.0
@@ -81,7 +82,7 @@ def build_spec(model: StepModel) -> EngineSpec:
             CheckSpec(name=item.name, kind=item.kind, cost=item.cost, noise=item.noise, move=item.move)
             for item in graph.checks
         ),
-        thresholds=_thresholds(graph, grid, [error.memory for error in slow if error.alarms]),
+        thresholds=_thresholds(graph, grid, shares=2 if any(error.alarms for error in slow) else 1),
     )
 
 
@@ -93,19 +94,33 @@ def _in_turn(sets: tuple[tuple[int, ...], ...]) -> tuple[tuple[tuple[int, ...], 
     return begun, tuple(chosen for chosen in sets if chosen not in set(begun))
 
 
-def _thresholds(graph: BondGraph, grid: float, memories: list[float]) -> Thresholds:
+def _slow_limits(graph: BondGraph) -> tuple[float, ...]:
+    """Give the limit of each slow error in its declared sizes, infinite where it never alarms.
+
+    What grows after an input has changed never does, nor an unknown input. The size of a part of a law is a bound; any
+    other one is usual, and larger errors come. With a promise each has the same share of half of it.
+    """
+    parameters, promise = {item.name for item in graph.parameters}, graph.time_between_false_alarms
+    alarms = [item.target in parameters if item.wanders else not item.after for item in graph.slow_errors]
+
+    def limit(item: SlowError) -> float:
+        if promise is not None:
+            return slow_error_limit(promise, item.memory, 2 * sum(alarms))
+        return _BOUND_LIMIT if item.relative and not item.is_sensor and not item.wanders else _USUAL_LIMIT
+
+    return tuple(limit(item) if may else inf for item, may in zip(graph.slow_errors, alarms, strict=True))
+
+
+def _thresholds(graph: BondGraph, grid: float, shares: int) -> Thresholds:
     """Give the settings of the detector; its limits follow from a promise, if the model file makes one."""
     usual = Thresholds(warm_up_samples=max(_WARM_UP_SAMPLES, ceil(graph.warm_up / grid - 1e-9)))
-    promise, shares = graph.time_between_false_alarms, 2 if memories else 1
+    promise = graph.time_between_false_alarms
     if promise is None:
         return usual
-    slow_limit = slow_error_limit(promise, memories, shares) if memories else 0.0
     return replace(
         usual,
         cusum_limit=cusum_limit(promise, grid, len(graph.sensors), usual.cusum_drift, 2 * shares),
         fast_limit=cusum_limit(promise, grid, len(graph.sensors), usual.fast_drift, 2 * shares),
-        slow_error_limit=slow_limit or usual.slow_error_limit,
-        wander_limit=slow_limit or usual.wander_limit,
     )
 
 

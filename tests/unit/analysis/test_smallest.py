@@ -199,7 +199,7 @@ def test_a_slow_error_alarms_too() -> None:
     _, young, _ = built(example("tank", warm))
     young = replace(young, thresholds=replace(young.thresholds, cusum_limit=inf, fast_limit=inf))
     deaf = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf, fast_limit=inf))
-    deafer = replace(spec, thresholds=replace(spec.thresholds, cusum_limit=inf, fast_limit=inf, slow_error_limit=inf))
+    deafer = replace(deaf, slow_errors=tuple(replace(item, limit=inf) for item in spec.slow_errors))
     assert found((model, deaf, core), parameters=["K6"], within=150.0)["K6"].up is not None
     assert found((model, deafer, core), parameters=["K6"], within=150.0)["K6"].value is None
     assert found((model, young, core), parameters=["K6"], within=150.0)["K6"].value is None

@@ -151,7 +151,7 @@ def test_slow_errors_are_watched_by_the_clock(pause: float, alarms: bool) -> Non
     assert slow.memory == 20.0
     core["clock.begun"], core["clock.index"], core["clock.pause"] = 0, 50, pause
     lane = np.zeros(core.spec.n_numbers)
-    lane[core.spec.slow_slice] = 1.01 * core.spec.thresholds.slow_error_limit * slow.sd
+    lane[core.spec.slow_slice] = 1.01 * slow.limit * slow.sd
     core["healthy.lane"] = lane
     assert core.call("t_slow_error_alarms") == alarms
     core["healthy.lane"] = 0.9 * lane

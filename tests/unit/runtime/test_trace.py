@@ -17,8 +17,8 @@ SPEC = EngineSpec(
     sample_time=1.0,
     states=(),
     slow_errors=(
-        SlowErrorSpec(name="line.f", sd=0.02, memory=600.0, alarms=True, is_bound=True),
-        SlowErrorSpec(name="level", sd=0.002, memory=40.0, alarms=False),
+        SlowErrorSpec(name="line.f", sd=0.02, memory=600.0, limit=1.6),
+        SlowErrorSpec(name="level", sd=0.002, memory=40.0, limit=np.inf),
     ),
     parameters=(),
     inputs=(InputSpec(name="u", noise=0.0, settling=0.0, step=1.0, step_part=0.0),),

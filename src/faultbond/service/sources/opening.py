@@ -160,7 +160,7 @@ def _simulated(place: str, settings: Details, subscribers: Sequence[Subscriber],
 
 def _faults(asked: _Asked, subscribers: Sequence[Subscriber]) -> tuple[FaultRequest, ...]:
     """Read the faults that are asked for; `none`: there is none."""
-    from faultbond.simulate import fault_in_si  # noqa: PLC0415 - loads casadi
+    from faultbond.simulate import fault_in_si  # noqa: PLC0415 - loads casadi and scipy
 
     found = []
     for text in asked.all("fault"):

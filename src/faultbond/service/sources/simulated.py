@@ -78,7 +78,7 @@ class _Plant:
     """
 
     def __init__(self, subscriber: Subscriber, wishes: SimulationWishes, drives: dict[str, Drive]) -> None:
-        from faultbond.simulate import fault_in_si  # noqa: PLC0415 - loads casadi
+        from faultbond.simulate import fault_in_si  # noqa: PLC0415 - loads casadi and scipy
 
         graph = of_rows(subscriber.graph)
         self._graph, self._wishes = graph, wishes
@@ -99,7 +99,7 @@ class _Plant:
 
     def stretch(self, begin: _Begin) -> tuple[FloatArray, RowBlock, _Begin]:
         """Give the times since the begin of a stretch, its rows with these, and where the next one begins."""
-        from faultbond.simulate import Inputs, simulate  # noqa: PLC0415 - loads casadi
+        from faultbond.simulate import Inputs, simulate  # noqa: PLC0415 - loads casadi and scipy
 
         rows = begin.row + np.arange(ROWS + 1)
         since: FloatArray = self.step * rows.astype(np.float64)
@@ -157,7 +157,7 @@ def _driven(graph: BondGraph, inputs: str) -> Drive:
             for item in np.array(rows.inputs, dtype=object)[~np.isfinite(values).all(axis=0)]:
                 raise RecordingError(f"{recording}: input {item.name} has no value at first, and cannot drive a plant.")
             return values, solved_start(graph, recording)
-    from faultbond.app.self_test import usual_inputs  # noqa: PLC0415 - loads casadi
+    from faultbond.app.self_test import usual_inputs  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.synthesis.engine import build_engine, build_model  # noqa: PLC0415 - loads casadi
 
     spec, _ = build_engine(graph)
@@ -167,7 +167,7 @@ def _driven(graph: BondGraph, inputs: str) -> Drive:
 
 def _usual_fault(graph: BondGraph, speed: float) -> tuple[FaultRequest, ...]:
     """Give the fault that comes where none is asked for: of what resists or, where nothing does, of any suspect."""
-    from faultbond.app.self_test import faulty_value  # noqa: PLC0415 - loads casadi
+    from faultbond.app.self_test import faulty_value  # noqa: PLC0415 - loads casadi and scipy
 
     kinds = {item.name: item.type for item in graph.components}
     suspects = [item for item in graph.parameters if item.suspect and item.change > 0.0]
