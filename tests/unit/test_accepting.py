@@ -451,7 +451,8 @@ def other_arrays(path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda path: path.write_bytes(b"nothing"), "this is not a state that this version of faultbond saved"),
+        (lambda path: path.write_bytes(b"time,level\n0,1\n"), "this is not the file of a run, as `run --state FILE`"),
+        (lambda path: path.write_bytes(b""), "this is not a state that this version of faultbond saved"),
         (lambda path: path.write_bytes(path.read_bytes()[:2000]), "this is not a state"),
         (other_arrays, "this is not a state"),
         (lambda path: resaved(path, model_sha256="0"), "it was saved with an earlier form of this model"),

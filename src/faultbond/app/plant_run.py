@@ -167,13 +167,14 @@ def watch_plant(
 
 
 def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -> PlantRun:
-    """Give a run with what else its alarm may come from: a sign, other units, an operation that was never seen."""
+    """Give a run with what else its alarm may come from: a sign, numbers for no value, other units, new operation."""
     watcher, alarm = run.watcher, run.course.found.open
     if not isinstance(watcher, BankWatcher) or alarm is None or run.verdict is not Verdict.FAULT:
         return run
     if not isinstance(recording, MemoryTable) and not Path(recording).is_file():
         return run  # what can be read once only
 
+    from faultbond.app.markers import marker_sentence, markers_in  # noqa: PLC0415 - after an alarm only
     from faultbond.app.unfamiliar import unfamiliar_inputs, unfamiliar_sentence  # noqa: PLC0415 - after an alarm only
     from faultbond.app.unit_guess import guess_units, sentence_of  # noqa: PLC0415 - loads the units
     from faultbond.report.doubts import active_sentence  # noqa: PLC0415 - after an alarm only
@@ -184,7 +185,8 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
     with suppress(RecordingError):  # it was read before: what has become of it since is no matter of this run
         told = sentence_of(guess_units(iter(watcher.anew, None), points(), alarm))
         stood = unfamiliar_sentence(unfamiliar_inputs(plant.graph, points(), alarm))
-        return replace(run, hints=tuple(filter(None, (active_sentence(plant.graph), told, stood))))
+        marked = marker_sentence(markers_in(plant.graph, points()))
+        return replace(run, hints=tuple(filter(None, (active_sentence(plant.graph), marked, told, stood))))
     return run
 
 

@@ -20,7 +20,19 @@ const differenceFromSi = (item, value) => value == null ? value : value / item.f
 const suspectsOf = (candidate) => Object.entries(candidate.parameters);
 const isInstrument = (name) => name.includes(".");
 const titleOf = (candidate) => suspectsOf(candidate).map(([name]) => about(name).title).join(" with ");
-const titleAndKind = (candidate) => titleOf(candidate) + (KIND_ENDS[candidate.kind] ?? ` ${candidate.kind}`);
+function titleAndKind(candidate) {
+  const suspects = suspectsOf(candidate);
+  if (suspects.length === 1 || candidate.kind === "intermittent") {
+    return titleOf(candidate) + (KIND_ENDS[candidate.kind] ?? ` ${candidate.kind}`);
+  }
+  return suspects.map(([name, item]) => about(name).title + ending(name, item)).join(" with ");
+}
+// What kind of fault one of several suspects has, where that is not a step.
+function ending(name, item) {
+  if (item.rate != null) return KIND_ENDS.drift;
+  if (item.began != null) return KIND_ENDS.ramp;
+  return isInstrument(name) ? ` ${name.split(".")[1]}` : "";
+}
 const ownersOf = (candidate) => joined([...new Set(suspectsOf(candidate).map(([name]) => about(name).owner))]);
 const isOff = (item) => Math.abs(item.estimate - (item.nominal || 0)) >= SIGNIFICANT * item.sd;
 
@@ -156,7 +168,8 @@ function apart(diagnosis, group, best) {
   const hint = shared.length ? ` All contain ${joined(shared.map(([name]) => `${name} of ${about(name).owner}`))}.` : "";
   const advice = diagnosis.advice[0];
   if (!advice) return `Cannot yet be told apart: ${names}; more data, or a change of input, would be needed.${hint}`;
-  return `Cannot yet be told apart: ${names}.${hint} Best next: ${actionText(advice)}.`;
+  const bestNext = shared.length ? "To tell what else, best" : "Best";
+  return `Cannot yet be told apart: ${names}.${hint} ${bestNext} next: ${actionText(advice)}.`;
 }
 
 function certaintyOf(diagnosis) {

@@ -32,6 +32,7 @@ _STRANGE = (
     "this is not a state that this version of faultbond saved, or it is damaged. "
     "Name another file, or delete it to begin anew."
 )
+_NO_STATE = "this is not the file of a run, as `run --state FILE` writes it. Name that."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,7 +218,15 @@ def _read(source: Path | bytes, path: str) -> Saved:
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}.") from error
     except _MISTAKES as error:
-        raise RecordingError(f"{path}: {_STRANGE}") from error
+        raise RecordingError(f"{path}: {_STRANGE if _was_archive(source) else _NO_STATE}") from error
+
+
+def _was_archive(source: Path | bytes) -> bool:
+    """Whether something begins as a saved run does, or is empty: else it may be anything, and worth to be kept."""
+    if isinstance(source, bytes):
+        return source[:2] in (b"PK", b"")
+    with source.open("rb") as stream:
+        return stream.read(2) in (b"PK", b"")
 
 
 def refuse_strange(path: str, saved: Saved, graph: BondGraph) -> None:

@@ -25,6 +25,7 @@ from faultbond.model.source import Entry, Items, Node, Source, Table, Text, show
 
 MAX_ENTRIES = 5000
 MAX_LEVELS = 10
+RECORDINGS = (".csv", ".parquet", ".pq")
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _NOT_TEXT = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
@@ -86,9 +87,10 @@ class _Composer:
         if not isinstance(next(self.events), StreamEndEvent):
             raise self.source.error(0, f"more than one document (`---`); put each {self.source.what} into its own file")
         if not isinstance(top, Table):
-            raise self.source.error(
-                top.line or 1, f"a {self.source.what} is a table of `key: value`; start with `name:`"
-            )
+            problem = f"a {self.source.what} is a table of `key: value`; start with `name:`"
+            if self.source.label.lower().endswith(RECORDINGS):
+                problem = f"this seems to be a recording; name the {self.source.what} before it"
+            raise self.source.error(top.line or 1, problem)
         return top
 
     def node(self, event: Event, depth: int) -> Node:

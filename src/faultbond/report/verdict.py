@@ -52,6 +52,12 @@ HARDLY = 0.001  # of its value by which what is accepted changes at least
 IMPROBABLE = 0.01  # probability of what is accepted below which that is worth a word
 NOTES = 6  # sensors and inputs without a value of which a sentence each is said
 RANKED_SETS = 8  # candidates of the ranking after a rejection
+_ENDINGS = {
+    FaultKind.STEP: "",
+    FaultKind.DRIFT: " drifting",
+    FaultKind.RAMP: " changed over a while",
+    FaultKind.INTERMITTENT: " coming and going",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -336,7 +342,11 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         hint = f" All contain {common}." if shared else ""
         if not diagnosis.advice:
             return f"Cannot yet be told apart: {listed}; more data, or a change of input, would be needed.{hint}"
-        return f"Cannot yet be told apart: {listed}.{hint} Best next: {action(graph, diagnosis.advice[0], notation)}."
+        best_next = "To tell what else, best" if shared else "Best"
+        return (
+            f"Cannot yet be told apart: {listed}.{hint} "
+            f"{best_next} next: {action(graph, diagnosis.advice[0], notation)}."
+        )
     return f"Most likely {_event(best, owners)}: {changes}{_certainty(graph, diagnosis)}.{otherwise(best)}"
 
 
@@ -481,12 +491,13 @@ def unfalsifiable_text(spec: EngineSpec) -> str:
 
 def set_name(graph: BondGraph, candidate: Candidate) -> str:
     """Name a candidate: `pipe K1`, `pipe K1 with leak K6`, or `flow sensor`."""
-    names = []
-    for suspect in candidate.suspects:
-        owner = owner_of(graph, suspect)
-        plain = suspect.component == suspect.parameter or instrument_of(suspect.parameter)[0]
-        names.append(owner if plain else f"{owner} {suspect.parameter}")
-    return " with ".join(names)
+    return " with ".join(_suspect_name(graph, suspect) for suspect in candidate.suspects)
+
+
+def _suspect_name(graph: BondGraph, suspect: Suspect) -> str:
+    owner = owner_of(graph, suspect)
+    plain = suspect.component == suspect.parameter or instrument_of(suspect.parameter)[0]
+    return owner if plain else f"{owner} {suspect.parameter}"
 
 
 def table_rows(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> tuple[TableRow, ...]:
@@ -553,14 +564,20 @@ def _is_couple(candidate: Candidate) -> bool:
 
 
 def _set_and_kind(graph: BondGraph, candidate: Candidate) -> str:
-    """Name a candidate, and its kind of fault where that is not a step: `pipe K1 drifting`."""
-    words = {
-        FaultKind.STEP: "",
-        FaultKind.DRIFT: " drifting",
-        FaultKind.RAMP: " changed over a while",
-        FaultKind.INTERMITTENT: " coming and going",
-    }
-    return set_name(graph, candidate) + words.get(candidate.kind, f" {candidate.kind.value}")
+    """Name a candidate, and the kind of each fault that is not a step: `flow sensor drifting with pipe K1`."""
+    if len(candidate.suspects) == 1 or candidate.kind is FaultKind.INTERMITTENT:
+        return set_name(graph, candidate) + _ENDINGS.get(candidate.kind, f" {candidate.kind.value}")
+    return " with ".join(_suspect_name(graph, suspect) + _ending(suspect) for suspect in candidate.suspects)
+
+
+def _ending(suspect: Suspect) -> str:
+    """Say what kind of fault one of several suspects has, where that is not a step."""
+    if suspect.rate is not None:
+        return _ENDINGS[FaultKind.DRIFT]
+    if suspect.began is not None:
+        return _ENDINGS[FaultKind.RAMP]
+    word = instrument_of(suspect.parameter)[1]
+    return f" {word}" if word else ""
 
 
 def _listed(names: Sequence[str]) -> str:

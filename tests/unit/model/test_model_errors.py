@@ -253,3 +253,11 @@ def test_message_has_the_path_as_given(tmp_path: Path) -> None:
 def test_byte_order_mark_is_skipped() -> None:
     """A file with a byte order mark is read."""
     assert parse_model("\ufeff" + TANK).name == "water tank"
+
+
+def test_a_recording_in_place_of_a_model_is_told(tmp_path: Path) -> None:
+    """Whoever names both the wrong way round is told which comes first."""
+    recording = tmp_path / "r.csv"
+    recording.write_text("time,level\n0,1\n")
+    with pytest.raises(ModelError, match=r"r\.csv:1: this seems to be a recording; name the model before it"):
+        load_model(recording)

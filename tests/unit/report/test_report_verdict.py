@@ -205,6 +205,18 @@ def test_group_of_several_is_not_decided(history: History) -> None:
     assert text.endswith("All contain K6 of the leak.")
 
 
+def test_each_of_a_set_has_its_own_kind(history: History) -> None:
+    """Where one drifts, or is an instrument, the word stands behind that one."""
+    drifting = couple(moving(GRAPH, "K1", 1.5, 1e8), suspect(GRAPH, "K4", 0.5, 0.01), FaultKind.DRIFT)
+    gain = couple(wrong("u_in.gain", 1.0, 0.6, 0.02), wrong("flow.bias", 0.0, 1e-4, 1e-5), FaultKind.GAIN)
+    text = sentence(history, replace(drifting, probability=0.6), replace(gain, probability=0.4))
+    assert "pipe K1 drifting with outlet K4 (60 %) and input u_in gain with flow sensor bias (40 %)" in text
+    ramp = replace(drifting.suspects[1], began=10.0, ended=50.0)
+    both = replace(drifting, suspects=(drifting.suspects[0], ramp), probability=0.4)
+    text = sentence(history, replace(drifting, probability=0.6), both)
+    assert "pipe K1 drifting with outlet K4 changed over a while (40 %)" in text
+
+
 def test_unknown_value_is_called_so(history: History) -> None:
     """An estimate as uncertain as a faulty value is beforehand is not printed as a number."""
     loose = Candidate(suspects=(suspect(GRAPH, "K1", 1.5, 1.95),), probability=0.99, group=True)
