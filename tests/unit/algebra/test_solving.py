@@ -88,6 +88,13 @@ def test_singular_samples_are_named() -> None:
     assert "do not excite" in item.words
 
 
+def test_singular_samples_are_told_by_what_is_measured() -> None:
+    """A name that stands for a part of a formula, within another part, says nothing to a reader."""
+    network, plant = static({"coil": "f - A*m*u*(1 - exp(-(3/(max(m, 0.1)*3))))"}, ("m", "u"), ("f",), {"A": 2.0})
+    told = [to_text(item.expression) for item in solve(network, route_to(network, "A"), plant).singular]
+    assert told == ["max(m_0, 0.1)*3", "m_0*u_0*(1 - exp(-(3/(max(m_0, 0.1)*3))))"]
+
+
 def test_undetermined() -> None:
     """Of the RC circuit only the product of R and C acts: there is no closed form for both, and it is said."""
     network, plant = example("rc")

@@ -267,7 +267,10 @@ def _singular(roots: Sequence[Root], problem: Problem) -> tuple[Singular, ...]:
     found: dict[Expression, Singular] = {}
     theirs = {*problem.signals, *problem.targets, *problem.unknown}
     for root in roots:
-        own = {line.name: line.value for line in root.lines if line.name not in theirs}  # made here, parts of a formula
+        own: dict[str, Expression] = {}  # made here, parts of a formula, each with what it is made of
+        for line in root.lines:
+            if line.name not in theirs:
+                own[line.name] = substitute(line.value, {key: own[key] for key in names(line.value) if key in own})
         varying = set(own) | set(problem.signals)
         name = ""
         for line in reversed(root.lines):
