@@ -351,7 +351,7 @@ def print_input_advice(console: Console, found: Sequence[Stimulus], note: str) -
     """Print which input to move so that sets can be told apart; the note says where they look alike."""
     title(console, "Test inputs", note)
     if not found:
-        lines(console, [("", "nothing looks alike")])
+        lines(console, [("", "nothing looks alike that moving an input would tell apart")])
         return
     for item in found:
         named = join([braced(names) for names in item.sets])

@@ -177,13 +177,15 @@ def _ends(low: float, high: float) -> tuple[str, str]:
 
 
 def _needed_texts(found: Health) -> Iterator[str]:
+    if found.walk > 1.0:
+        yield f"{found.walker}: to move farther than declared, and of the rest"
     for kind, factor in found.needed.items():
         if factor is None:
             yield f"{WORDS[kind]}: none of these is enough by itself"
         elif factor == 1.0:
             yield f"{WORDS[kind]}: as declared"
         elif factor < 1.0:
-            yield f"{WORDS[kind]}: {factor:g} times those declared would do"
+            yield f"{WORDS[kind]}: as declared; {factor:g} times that would be enough"
         else:
             yield f"{WORDS[kind]}: {factor:g} times those declared"
 

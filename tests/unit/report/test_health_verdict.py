@@ -9,7 +9,7 @@ from faultbond.fit.lack_of_fit import Region
 from faultbond.fit.trial import Health
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
-from faultbond.report.health import health_verdict, where_lines
+from faultbond.report.health import _needed_texts, health_verdict, where_lines
 
 MODEL = """
 name: divider
@@ -55,6 +55,12 @@ def test_a_parameter_that_walks_too_far_is_named_with_its_cure(peak: float) -> N
     assert "does not keep the promise: the healthy model has to move R as far as for an alarm." in told
     assert "Declare the accuracy of R larger" in told
     assert "every" not in told
+
+
+def test_what_walks_is_needed_before_the_rest() -> None:
+    """Noise as declared is no cure of it; where less noise would do, more is not asked for."""
+    assert next(iter(_needed_texts(health(walk=1.35)))) == "R: to move farther than declared, and of the rest"
+    assert not any(text.startswith("R:") for text in _needed_texts(health()))
 
 
 @pytest.mark.parametrize(
