@@ -41,6 +41,9 @@ class Parser(argparse.ArgumentParser):
         FaultbondError
             Always.
         """
+        greedy = [item.option_strings[0] for item in self._actions if item.option_strings and item.nargs == "+"]
+        if greedy and message.endswith("required: MODEL"):
+            message = f"{message}; it stands before {greedy[0]}, which takes all names behind it"
         raise FaultbondError(f"{self.prog}: {message}. See: {self.prog} --help")
 
 
