@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 _SILENT = 60.0  # s without a word, where standard error is no terminal
+_AGAIN = 60.0  # s after which a step is told there
 
 
 def _silent(_: str) -> None:
@@ -295,7 +296,7 @@ def _lines(silent: float) -> Callable[[str], None]:
         what, now = text.partition(STEP)[0], monotonic()
         if now - begin < silent:
             return
-        if what != last or now - told >= _SILENT:
+        if what != last or now - told >= _AGAIN:
             sys.stderr.write(f"faultbond: {what if what != last else text} ...\n")
             told = now
         last = what
