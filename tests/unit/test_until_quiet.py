@@ -443,13 +443,18 @@ def test_a_signal_while_all_recordings_are_fitted_ends_that(
 def test_a_second_signal_ends_a_fit_at_once(
     lagging: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """While what was found is put together for the file it leaves that alone."""
+    """What was found by the first is about to be written, and is not."""
+    write_model = identification._write
 
     def stop(*_: object) -> None:
         os.kill(os.getpid(), signal.SIGTERM)
 
+    def stop_again(path: Path, text: str) -> None:
+        stop()
+        write_model(path, text)
+
     monkeypatch.setattr(quiet_fit, "_seems_quiet", stop)
-    monkeypatch.setattr(identification, "_write", stop)
+    monkeypatch.setattr(identification, "_write", stop_again)
     assert main(lagging) == 128 + signal.SIGTERM
     assert not (tmp_path / "quiet.yaml").exists()
 
