@@ -309,8 +309,8 @@ def _weigh(
         widths = np.minimum(np.clip(np.sqrt(groups @ away / groups.sum(axis=1)), 1.0, WIDE), most)
     rounds = 1 if prior is Prior.DECLARED else ROUNDS
     for k in range(rounds):
-        wide, told = unknowns.widened(widths), _after(tell, f", round {k + 1} of at most {rounds}")
-        best = ascend(plant, records, best.point, wide, anchor=begin.starts, settled=settled, tell=told)
+        wide, each = unknowns.widened(widths), _after(tell, f", round {k + 1} of at most {rounds}")
+        best = ascend(plant, records, best.point, wide, anchor=begin.starts, settled=settled, tell=each)
         away = ((best.point.values - unknowns.nominal)[:n] / accuracies) ** 2
         left = np.diag(np.linalg.inv(best.precision))[:n] / (widths * accuracies) ** 2
         told = 1.0 - np.clip(left, 0.0, 1.0)
