@@ -1,6 +1,8 @@
 """`fit --until-quiet`: what recordings call for is added to a model, and nothing else."""
 
 import json
+import os
+import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,15 +12,15 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from faultbond.app import quiet_fit
+from faultbond.app import identification, quiet_fit
 from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
-from faultbond.app.quiet_fit import apart_if_quieter, promising, put_on_trial, widened
+from faultbond.app.quiet_fit import Attempt, apart_if_quieter, promising, put_on_trial, widened
 from faultbond.app.signals import Stopped
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
 from faultbond.contract.findings import Unexplained
-from faultbond.fit import trial
+from faultbond.fit import objective, trial
 from faultbond.fit.false_alarms import Rate
 from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
@@ -368,7 +370,145 @@ def test_what_was_found_is_written_when_the_search_is_stopped(
     for text in told:
         assert "The search was stopped before its end." in text
         assert "What the recordings call for" in text
-        assert "nothing that foretells what was held back better" in text
+        assert "nothing so far that foretells what was held back better" in text
+
+
+class Interrupt:
+    """Sends the signal TERM at an evaluation of the likelihood, from 1, once it is `armed`.
+
+    after : evaluations of any kind that followed
+    """
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+        self.number, self.armed, self.after = number, False, 0
+        lanes = objective._lanes
+
+        def counted(*words: Any) -> Any:
+            if self.armed:
+                self.number -= 1
+                self.after += self.number < 0
+                if self.number == 0:
+                    os.kill(os.getpid(), signal.SIGTERM)
+            return lanes(*words)
+
+        monkeypatch.setattr(objective, "_lanes", counted)
+
+
+@pytest.fixture
+def lagging(model: Path, tmp_path: Path) -> list[str]:
+    """Give the words of a fit that finds a lag."""
+    made = [write(tmp_path / f"{seed}.csv", seed=seed, lag=0.12) for seed in (1, 2)]
+    return ["fit", *map(str, (model, *made)), "--until-quiet", "--starts", "1", "-o", str(tmp_path / "quiet.yaml")]
+
+
+def test_a_signal_while_all_recordings_are_fitted_ends_that(
+    lagging: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No further evaluation follows: the model has what was found by then, is told to be unfinished, and in one line.
+
+    How far the climb was is told as its steps, not in the records, and on no terminal once a minute at most.
+    """
+    interrupt, told, tell = Interrupt(monkeypatch, 20), list[str](), identification._lines
+
+    def heard(silent: float) -> Callable[[str], None]:
+        line = tell(silent)
+
+        def take(text: str) -> None:
+            interrupt.armed = interrupt.armed or text == "fitting all recordings"
+            told.append(text)
+            line(text)
+
+        return take
+
+    monkeypatch.setattr(identification, "_lines", heard)
+    target = tmp_path / "records.jsonl"
+    assert main([*lagging, "--json", str(target)]) == 128 + signal.SIGTERM
+    assert (interrupt.number <= 0, interrupt.after) == (True, 0)
+    fitted, quiet = (json.loads(line) for line in target.read_text(encoding="utf-8").splitlines())
+    assert (quiet["stopped"], quiet["quiet"], quiet["rounds"], quiet["peak"]) == (True, False, 1, None)
+    assert quiet["between_alarms_before"] > 0.0
+    assert not fitted["settled"]
+    (added,) = quiet["added"]
+    written = load_model(tmp_path / "quiet.yaml")
+    assert written.parameter(f"{added['of']}_lag").nominal == pytest.approx(0.12, rel=0.1)
+    assert written.parameter("R").nominal == pytest.approx(R, rel=0.02)
+    assert written.sensors[0].noise == pytest.approx(NOISE, rel=0.1)
+    said = capsys.readouterr()
+    assert said.err.splitlines()[-1] == f"faultbond: stopped: the model as it was found by then is in {lagging[-1]}."
+    assert "nobody knows yet how quiet" in " ".join(said.out.split())
+    assert "fitting all recordings: start 1 of 1, step 1 of at most 60, 0 nats gained" in told
+    assert all(", step " not in text for text in (said.err, target.read_text(encoding="utf-8")))
+
+
+def test_a_second_signal_ends_a_fit_at_once(
+    lagging: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was found by the first is about to be written, and is not."""
+    write_model = identification._write
+
+    def stop(*_: object) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    def stop_again(path: Path, text: str) -> None:
+        stop()
+        write_model(path, text)
+
+    monkeypatch.setattr(quiet_fit, "_seems_quiet", stop)
+    monkeypatch.setattr(identification, "_write", stop_again)
+    assert main(lagging) == 128 + signal.SIGTERM
+    assert not (tmp_path / "quiet.yaml").exists()
+
+
+def test_a_signal_in_the_first_fit_leaves_nothing(
+    lagging: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line says that there is nothing, and there is no file."""
+    interrupt = Interrupt(monkeypatch, 3)
+    interrupt.armed = True
+    assert main([*lagging, "--json", str(tmp_path / "records.jsonl")]) == 128 + signal.SIGTERM
+    assert interrupt.after == 0
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last == "faultbond: stopped before the first fit has ended: nothing was found, and nothing is written."
+    assert not {"quiet.yaml", "records.jsonl"} & {path.name for path in tmp_path.iterdir()}
+
+
+@pytest.mark.parametrize("name", ["_raised", "_smallest"])
+def test_a_signal_after_the_search_keeps_what_was_on_trial(
+    name: str, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is asked of the fitted model at the end is not needed for it: it is written, and how quiet it is."""
+
+    def stop(*_: object) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    monkeypatch.setattr(quiet_fit, name, stop)
+    if name == "_raised":
+        monkeypatch.setattr(Attempt, "quiet", property(lambda _: False))
+        monkeypatch.setattr(Search, "better", lambda *_: None)
+    made = [write(tmp_path / f"{seed}.csv", seed=seed) for seed in (1, 2)]
+    output, target = tmp_path / "quiet.yaml", tmp_path / "records.jsonl"
+    words = ["fit", *map(str, (model, *made)), "--until-quiet", "--starts", "1", "-o", str(output)]
+    assert main([*words, "--json", str(target)]) == 128 + signal.SIGTERM
+    quiet = json.loads(target.read_text(encoding="utf-8").splitlines()[-1])
+    assert (quiet["stopped"], quiet["quiet"], quiet["smallest"]) == (True, True, {})
+    assert 0.0 < quiet["peak"] < 1.0
+    assert load_model(output).parameter("R").nominal == pytest.approx(R, rel=0.02)
+
+
+def test_where_no_terminal_is_a_long_step_is_told_once_a_minute(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A line says what is done; of its steps the one that comes when a minute has gone without a line."""
+    clock = iter((0.0, 1.0, 2.0, 50.0, 62.0, 63.0, 64.0))
+    monkeypatch.setattr(identification, "monotonic", lambda: next(clock))
+    tell = identification._lines(0.0)
+    for text in ("climbing", "climbing, step 1", "climbing, step 2", "climbing, step 3", "climbing, step 4", "resting"):
+        tell(text)
+    assert capsys.readouterr().err.splitlines() == [
+        "faultbond: climbing ...",
+        "faultbond: climbing, step 3 ...",
+        "faultbond: resting ...",
+    ]
 
 
 @pytest.mark.usefixtures("no_sizes")

@@ -17,7 +17,7 @@ from faultbond.app.model_check import write
 from faultbond.app.presence import silent_of
 from faultbond.app.rows import no_time, pace_of, sample_of, texts_of
 from faultbond.app.section import Section
-from faultbond.app.signals import SIGNALLED
+from faultbond.app.signals import SIGNALLED, Stopped
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.contract.silence import INPUT, SENSOR, seconds
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 _SILENT = 60.0  # s without a word, where standard error is no terminal
+_AGAIN = 60.0  # s after which a step is told there
 
 
 def _silent(_: str) -> None:
@@ -89,8 +90,12 @@ def fit(
     out: Out,
 ) -> int:
     """Fit a model to healthy recordings and write the model file that follows from them; give the exit code."""
-    with _waiting(long=wishes.until_quiet) as status:
-        found = identified(model, recordings, wishes=wishes, tell=status, warn=out.warn)
+    try:
+        with _waiting(long=wishes.until_quiet) as status:
+            found = identified(model, recordings, wishes=wishes, tell=status, warn=out.warn)
+    except Stopped:
+        out.warn("stopped before the first fit has ended: nothing was found, and nothing is written.")
+        raise
     refused: OSError | None = None
     try:
         if output is not None:
@@ -108,8 +113,12 @@ def fit(
         out.say(f"Report: {report}")
     if refused is not None:
         raise refused
-    stopped = None if found.quieted is None else found.quieted.stopped
-    return 0 if stopped is None else SIGNALLED + stopped
+    stopped: int | None = None if found.quieted is None else found.quieted.stopped
+    if stopped is None:
+        return 0
+    where = f"is in {output}" if output is not None else "is told, and in no file"
+    out.warn(f"stopped: the model as it was found by then {where}.")
+    return SIGNALLED + stopped
 
 
 def identified(
@@ -278,16 +287,18 @@ def _waiting(*, long: bool = False) -> AbstractContextManager[Callable[[str], No
 
 
 def _lines(silent: float) -> Callable[[str], None]:
-    """Give what says in a line each what is being done, without the steps of it, once so many seconds have gone."""
+    """Give what says in a line each what is being done, once so many seconds have gone; of its steps one a minute."""
     last, begin = "", monotonic()
+    told = begin
 
     def tell(text: str) -> None:
-        nonlocal last
-        what = text.partition(STEP)[0]
-        if monotonic() - begin < silent:
+        nonlocal last, told
+        what, now = text.partition(STEP)[0], monotonic()
+        if now - begin < silent:
             return
-        if what != last:
-            sys.stderr.write(f"faultbond: {what} ...\n")
+        if what != last or now - told >= _AGAIN:
+            sys.stderr.write(f"faultbond: {what if what != last else text} ...\n")
+            told = now
         last = what
 
     return tell

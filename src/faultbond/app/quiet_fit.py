@@ -1,6 +1,6 @@
 """`fit --until-quiet`: what a model leaves out is added until healthy recordings are as quiet as promised."""
 
-from collections.abc import Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -62,11 +62,27 @@ class Attempt:
 def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Quieted:
     """Fit a model and add what the recordings call for until they are quiet, or somebody stops the search.
 
+    Who stops it gets what was found by then: no further step is begun.
+
     Raises
     ------
     NoVerdictError
         Where the recordings are too short for a part of them to be held back.
+    Stopped
+        Where somebody stops it before the first fit has ended.
     """
+    steps = _steps(text, graph, read, wishes, tell)
+    found = next(steps)
+    try:
+        for further in steps:
+            found = further
+    except Stopped as asked_to:
+        return replace(found, stopped=asked_to.number)
+    return found
+
+
+def _steps(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Iterator[Quieted]:
+    """Give what is found by and by, each time all that there is to tell by then."""
     stated = graph.time_between_false_alarms is not None
     text, graph = promising(text, graph)
     promise = graph.time_between_false_alarms or MONTH
@@ -77,48 +93,48 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
     parameters = free_parameters(graph, wishes.fixed, wishes.free, wishes.own)
     plant, records, begin = build_fit(model, likelihood, core, fitted, parameters, wishes.own)
     _, records_held, begin_held = build_fit(model, likelihood, core, held, parameters, wishes.own)
-    prior = Prior(wishes.prior)
     found = fit_plant(
         plant,
         records,
         begin,
-        prior=prior,
+        prior=Prior(wishes.prior),
         starts=wishes.starts,
         agreeing=AGREEING,
         settled=SETTLED,
         seed=wishes.seed,
         tell=tell,
     )
+    first = fitted_model(graph, found, core.spec.version)
+    names = tuple(name for name, _ in held)
+    now = Quieted(fitted=first, text=first.model_text(text), held=names, stated=stated, promise=promise)
+    yield now
     tell("putting the first model on trial")
-    before = on_trial(core, (*records, *records_held), promise, factors=())
+    now = replace(now, before=on_trial(core, (*records, *records_held), promise, factors=()))
     search = Search(
         graph, likelihood_engine, tell, parameters, wishes.own, (found.records, records_held), (begin, begin_held)
     )
-    attempt, stand, rounds, stopped = _searched(search, search.first(found), text, graph, read, wishes, tell)
-    raised: tuple[Raised, ...] = ()
-    if not attempt.quiet and stopped is None:
+    attempt, now = yield from _searched(search, search.first(found), now, text, graph, read, wishes, tell)
+    now = replace(now, left=tuple(item for item in search.asked if item[1] > 0.0))
+    if not attempt.quiet:
         tell("raising what must be declared larger")
         attempt, raised = _raised(attempt, promise, tell)
-    raised = (*raised, *(Raised(what=f"accuracy of {name}", times=x) for name, x in attempt.widened.items()))
-    smallest: list[Smallest] = [(), ()]
-    if stopped is None:
-        tell("working out the smallest faults before and after")
-        smallest = _smallest([(graph, core), (attempt.graph, attempt.core)], attempt.records)
-    return Quieted(
+        now = _tried(now, attempt, raised)
+        yield now
+    tell("working out the smallest faults before and after")
+    before, after = _smallest([(graph, core), (attempt.graph, attempt.core)], attempt.records)
+    yield replace(now, smallest_before=before, smallest_after=after)
+
+
+def _tried(now: Quieted, attempt: Attempt, raised: tuple[Raised, ...] = ()) -> Quieted:
+    """Give what is found with a model that was put on trial."""
+    wider = (Raised(what=f"accuracy of {name}", times=x) for name, x in attempt.widened.items())
+    return replace(
+        now,
         fitted=attempt.fitted,
         text=attempt.text,
-        held=tuple(name for name, _ in held),
-        stated=stated,
-        added=stand.added,
-        raised=raised,
-        before=before,
         health=attempt.health,
         alarms=attempt.alarms,
-        rounds=rounds,
-        stopped=None if stopped is None else stopped.number,
-        left=tuple(item for item in search.asked if item[1] > 0.0),
-        smallest_before=smallest[0],
-        smallest_after=smallest[1],
+        raised=(*raised, *wider),
     )
 
 
@@ -137,33 +153,48 @@ def promising(text: str, graph: BondGraph) -> tuple[str, BondGraph]:
 def _searched(
     search: Search,
     stand: Footing,
+    now: Quieted,
     text: str,
     graph: BondGraph,
     read: Recordings,
     wishes: FitWishes,
     tell: Tell,
-) -> tuple[Attempt, Footing, int, Stopped | None]:
-    """Add one thing after the other until it is quiet, nothing gains, or somebody stops the search."""
+) -> Generator[Quieted, None, tuple[Attempt, Quieted]]:
+    """Add one thing after the other until it is quiet, or nothing gains; return the model on trial, and what is found.
+
+    Yields what is found after each step.
+    """
     tried: Attempt | None = None
-    none = Prior(wishes.prior) is Prior.NONE
-    asked = {item.name for item in graph.parameters} if none else set[str]()  # parameters that may stray
-    stopped: Stopped | None = None
+    prior = Prior(wishes.prior)
+    asked = {item.name for item in graph.parameters} if prior is Prior.NONE else set[str]()  # which may stray
     for rounds in range(ROUNDS + 1):
-        try:
-            if _seems_quiet(stand, read, tell):
-                tried = _attempt(stand, text, graph, read, wishes, search.believed, tell)
-                if tried.quiet:
-                    return tried, stand, rounds, None
-            better = _next(search, stand, asked) if rounds < ROUNDS else None
-        except Stopped as asked_to:
-            better, stopped = None, asked_to
-            tell("stopped: what was found so far is written; once more, and nothing is")
+        if _seems_quiet(stand, read, tell):
+            tried, now = yield from _attempt(stand, now, text, graph, read, wishes, search.believed, tell)
+            if tried.quiet:
+                return tried, now
+        better = _next(search, stand, asked) if rounds < ROUNDS else None
         if better is None:
             break
         new, gain = better.added[len(stand.added) :], better.held - stand.held
         stand, tried = better, None
         tell(f"added: {', '.join(item.what.words for item in new)}; what was held back gains {gain:.0f} nats")
-    return tried or _attempt(stand, text, graph, read, wishes, search.believed, tell), stand, rounds, stopped
+        now = replace(_as_it_stands(search, stand, now, text, graph, prior), rounds=rounds + 1)
+        yield now
+    if tried is not None:
+        return tried, now
+    return (yield from _attempt(stand, now, text, graph, read, wishes, search.believed, tell))
+
+
+def _as_it_stands(search: Search, stand: Footing, now: Quieted, text: str, graph: BondGraph, prior: Prior) -> Quieted:
+    """Give what is found with a model as the search has it, neither fitted to all recordings nor put on trial.
+
+    It is made ahead: an engine takes longer to build than somebody waits who stops the search.
+    """
+    with_added = amended_text(text, graph, stand.added)
+    first = parse_model(with_added, file=graph.file)
+    fitted = fitted_model(first, search.fit_of(first, stand, prior), now.fitted.version)
+    written = fitted.model_text(with_added)
+    return replace(now, fitted=fitted, text=written, added=stand.added, raised=(), health=None, alarms={})
 
 
 def _next(search: Search, stand: Footing, asked: set[str]) -> Footing | None:
@@ -183,18 +214,20 @@ def _seems_quiet(stand: Footing, read: Recordings, tell: Tell) -> bool:
 
 def _attempt(
     stand: Footing,
+    now: Quieted,
     text: str,
     graph: BondGraph,
     read: Recordings,
     wishes: FitWishes,
     believed: frozenset[str],
     tell: Tell,
-) -> Attempt:
+) -> Generator[Quieted, None, tuple[Attempt, Quieted]]:
     """Write what was found into the model, fit that to all recordings, and put it on trial.
 
     believed : parameters whose declared accuracies count, since it was found what made them stray
     """
-    tell("fitting all recordings")
+    what = "fitting all recordings"
+    tell(what)
     with_added = amended_text(text, graph, stand.added)
     first = parse_model(with_added, file=graph.file)
     core, model = build_watcher(first), build_model(first)
@@ -203,14 +236,26 @@ def _attempt(
     parameters = free_parameters(first, wishes.fixed, free, wishes.own)
     plant, records, begin = build_fit(model, likelihood_engine(model), core, read, parameters, wishes.own)
     begin = replace(begin, values=values_of(plant, stand))
-    prior = Prior(wishes.prior)
     found = fit_plant(
-        plant, records, begin, prior=prior, believed=believed, starts=1, settled=SETTLED, seed=wishes.seed
+        plant,
+        records,
+        begin,
+        prior=Prior(wishes.prior),
+        believed=believed,
+        starts=1,
+        settled=SETTLED,
+        seed=wishes.seed,
+        tell=lambda step: tell(f"{what}: {step}"),
     )
     fitted = fitted_model(first, found, core.spec.version)
+    now = replace(now, fitted=fitted, text=fitted.model_text(with_added), raised=(), health=None, alarms={})
+    yield now
     tell("asking how far parameters seem to move while healthy")
     fitted = replace(fitted, healthy_changes=healthy_changes(core, found.records, fitted.believed))
-    return apart_if_quieter(put_on_trial(fitted.model_text(with_added), fitted, read, tell), with_added, tell)
+    attempt = apart_if_quieter(put_on_trial(fitted.model_text(with_added), fitted, read, tell), with_added, tell)
+    now = _tried(now, attempt)
+    yield now
+    return attempt, now
 
 
 def apart_if_quieter(attempt: Attempt, text: str, tell: Tell) -> Attempt:

@@ -62,7 +62,7 @@ def ascend(
     anchor: FloatArray | None = None,
     turns: int | None = None,
     settled: float = SETTLED,
-    tell: Callable[[int], None] = lambda calls: None,
+    tell: Callable[[str], None] = lambda step: None,
 ) -> Summit:
     """Climb from a point.
 
@@ -77,33 +77,40 @@ def ascend(
     anchor : (n_records, n_own), what was known of what recordings have for themselves; None: as at `begin`
     turns : steps at most, from `begin` alone; None: as many as it takes, and from places around where it is stuck
     settled : nats that the next step would still bring where a climb ends
-    tell : takes how many evaluations there were
+    tell : takes which step of how many comes, and what those before it have gained
     """
     hill = _Hill(plant, records, begin.starts if anchor is None else anchor, prior, tell)
-    now = _straight(hill, hill.at(begin), TURNS if turns is None else turns, settled)
+    now = hill.at(begin)
+    hill.foot = now.posterior
+    now = _straight(hill, now, TURNS if turns is None else turns, settled)
     if turns is not None:
         return replace(now, steps=hill.calls)
     rng = np.random.default_rng(len(prior))
-    for _ in range(SHAKES):
+    for shake in range(SHAKES):
         if now.settled or not np.isfinite(now.posterior):
             break
         best = now
-        for _ in range(PLACES):
+        for place in range(PLACES):
             trial = hill.at(hill.moved(now.point, hill.random_move(now, rng)))
             if trial.posterior > now.posterior - NEAR:
-                trial = _straight(hill, trial, SHORT, settled)
+                around = f" from place {shake * PLACES + place + 1} of at most {SHAKES * PLACES} around"
+                trial = _straight(hill, trial, SHORT, settled, around)
             best = max(best, trial, key=lambda item: item.posterior)
         worse = best.posterior - now.posterior < WORTH
         now = replace(best if worse else _straight(hill, best, TURNS, settled), settled=worse)
     return replace(now, steps=hill.calls)
 
 
-def _straight(hill: "_Hill", now: Summit, most: int, settled: float) -> Summit:
-    """Climb as the slope leads, so many steps at most, until a step would bring less than `settled` nats."""
+def _straight(hill: "_Hill", now: Summit, most: int, settled: float, begun: str = "") -> Summit:
+    """Climb as the slope leads, so many steps at most, until a step would bring less than `settled` nats.
+
+    begun : says where, for who is told of the steps
+    """
     damping = 1e-3
-    for _ in range(most):
+    for turn in range(most):
         if not np.isfinite(now.posterior):
             break
+        hill.tell(f"{turn + 1} of at most {most}{begun}, {now.posterior - hill.foot:.0f} nats gained")
         slope, damping = hill.slope(now), min(damping, STIFF)
         free = ~hill.held(now, slope)
         for attempt in range(PATIENCE):
@@ -137,9 +144,9 @@ class _Hill:
         records: Sequence[HealthyRecording],
         anchor: FloatArray,
         prior: FloatArray,
-        tell: Callable[[int], None],
+        tell: Callable[[str], None],
     ) -> None:
-        self.tell = tell
+        self.tell, self.foot = tell, 0.0  # foot: where the climb begins
         self.plant, self.records, self.anchor = plant, records, anchor
         self.n, self.calls = len(prior), 0
         n_own = anchor.size
@@ -161,7 +168,6 @@ class _Hill:
 
     def at(self, point: FitPoint) -> Summit:
         self.calls += 1
-        self.tell(self.calls)
         found = evaluate_likelihood(self.plant, self.records, point)
         return Summit(
             point=point,

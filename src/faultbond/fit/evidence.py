@@ -13,6 +13,7 @@ from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.unknowns import Unknowns
 
 _NONE = np.zeros(0)
+_MOST_AT_ONCE = 16 * BLOCK  # samples of all ways together: compiled code hears no signal
 _TURNS = 12  # of the climb to the starts alone
 CLOSE_ENOUGH = 0.2  # nats that a further step would bring to a climb that compares
 _PLACES = 50  # moments of a recording at which signals are looked at
@@ -30,11 +31,12 @@ def likelihoods(
     declared : float array, shape (n, n_q); q of each way, see `Layout`
     """
     total, n_y = np.zeros(len(declared)), plant.layout.n_y
+    block = max(_MOST_AT_ONCE // max(len(declared), 1), 1)
     with np.errstate(all="ignore"):
         for record, start in zip(records, starts, strict=True):
             lanes = _still_lanes(plant, start, declared)
-            for first in range(0, len(record.time), BLOCK):
-                part = slice(first, first + BLOCK)
+            for first in range(0, len(record.time), block):
+                part = slice(first, first + block)
                 lanes, found = plant.engine.advance(lanes, record.samples[part])
                 use = record.use[part][:, :, None]
                 e, s = found[:, :n_y], found[:, n_y : 2 * n_y]

@@ -124,12 +124,45 @@ def fit_plant(
             f"{names}: {readings} readings can be used, and {unknown} values are to be found; give a longer recording"
         )
     best, reached, starts = _search(plant, records, begin, starts, agreeing or starts, settled, seed, tell)
-    records, best = _without_wild(plant, records, best, settled)
+    records, best = _without_wild(plant, records, best, settled, tell)
     tell("weighing the declared accuracies")
     told = _steps(tell, "weighing the declared accuracies")
     best, widths = _weigh(plant, records, begin, best, prior, believed, settled, told)
     tell("asking how sure they are")
-    widths = np.maximum(widths, 1.0)
+    return _fit(plant, records, begin, best, prior, np.maximum(widths, 1.0), starts, reached)
+
+
+def fit_at(
+    plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint, point: FitPoint, prior: Prior
+) -> Fit:
+    """Give what healthy recordings say of values to which something else has led; nothing is sought.
+
+    Parameters
+    ----------
+    plant, records : what is fitted to what
+    begin : what was known before
+    point : the values
+    prior : what declared accuracies count for; those to be widened are as wide as the values are away
+    """
+    unknowns, n = plant.unknowns, plant.unknowns.n_theta
+    away = np.abs(point.values - unknowns.nominal)[:n] / unknowns.prior[:n]
+    widest = {Prior.WIDENED: np.clip(away, 1.0, WIDE), Prior.DECLARED: np.ones(n), Prior.NONE: np.full(n, WIDE)}
+    widths: FloatArray = widest[prior]
+    there = ascend(plant, records, point, unknowns.widened(widths), anchor=begin.starts, turns=0)
+    return _fit(plant, records, begin, there, prior, widths, starts=1, reached=1)
+
+
+def _fit(
+    plant: FittedPlant,
+    records: Sequence[HealthyRecording],
+    begin: FitPoint,
+    best: Summit,
+    prior: Prior,
+    widths: FloatArray,
+    starts: int,
+    reached: int,
+) -> Fit:
+    """Give all that is asked of a summit."""
     courses, found = _certainty(plant, records, best, widths)
     return Fit(
         plant=plant,
@@ -150,9 +183,14 @@ def fit_plant(
     )
 
 
-def _steps(tell: Callable[[str], None], what: str) -> Callable[[int], None]:
+def _steps(tell: Callable[[str], None], what: str) -> Callable[[str], None]:
     """Give what tells the steps of a search, where each of them is told."""
-    return lambda calls: tell(f"{what}{STEP}{calls}")
+    return lambda step: tell(f"{what}{STEP}{step}")
+
+
+def _after(tell: Callable[[str], None], words: str) -> Callable[[str], None]:
+    """Give what tells a step with words after it."""
+    return lambda step: tell(f"{step}{words}")
 
 
 def _certainty(
@@ -218,7 +256,11 @@ def _without_course(plant: FittedPlant, records: Sequence[HealthyRecording], beg
 
 
 def _without_wild(
-    plant: FittedPlant, records: Sequence[HealthyRecording], best: Summit, settled: float
+    plant: FittedPlant,
+    records: Sequence[HealthyRecording],
+    best: Summit,
+    settled: float,
+    tell: Callable[[str], None],
 ) -> tuple[tuple[HealthyRecording, ...], Summit]:
     """Leave out readings that lie far off, as long as they are few, and climb on without them."""
     kept = tuple(records)
@@ -230,7 +272,8 @@ def _without_wild(
         kept = tuple(item.without(wild) for item, wild in zip(kept, far, strict=True))
         begin = spread_noise(plant, kept, best.point)
         wide = plant.unknowns.widened(WIDE)
-        best = ascend(plant, kept, begin, wide, anchor=best.point.starts, settled=settled)
+        told = _steps(tell, "leaving out readings that lie far off")
+        best = ascend(plant, kept, begin, wide, anchor=best.point.starts, settled=settled, tell=told)
     return kept, best
 
 
@@ -242,7 +285,7 @@ def _weigh(
     prior: Prior,
     believed: frozenset[str],
     settled: float,
-    tell: Callable[[int], None],
+    tell: Callable[[str], None],
 ) -> tuple[Summit, FloatArray]:
     """Climb on with the declared accuracies, as wide as the data ask; give the summit and the factors."""
     unknowns, n = plant.unknowns, plant.unknowns.n_theta
@@ -264,9 +307,10 @@ def _weigh(
         known = accuracies**2 + np.diag(np.linalg.inv(best.precision))[:n]
         away = (best.point.values - unknowns.nominal)[:n] ** 2 / known
         widths = np.minimum(np.clip(np.sqrt(groups @ away / groups.sum(axis=1)), 1.0, WIDE), most)
-    for _ in range(1 if prior is Prior.DECLARED else ROUNDS):
-        wide = unknowns.widened(widths)
-        best = ascend(plant, records, best.point, wide, anchor=begin.starts, settled=settled, tell=tell)
+    rounds = 1 if prior is Prior.DECLARED else ROUNDS
+    for k in range(rounds):
+        wide, each = unknowns.widened(widths), _after(tell, f", round {k + 1} of at most {rounds}")
+        best = ascend(plant, records, best.point, wide, anchor=begin.starts, settled=settled, tell=each)
         away = ((best.point.values - unknowns.nominal)[:n] / accuracies) ** 2
         left = np.diag(np.linalg.inv(best.precision))[:n] / (widths * accuracies) ** 2
         told = 1.0 - np.clip(left, 0.0, 1.0)

@@ -29,7 +29,7 @@ from faultbond.fit.certainty import inverse_of
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
 from faultbond.fit.foothold import Added, Footing, in_time, keys_of, with_noise
 from faultbond.fit.hints import explained, last_changes
-from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit
+from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit, Prior, fit_at
 from faultbond.fit.imperfections import (
     UNTRIED,
     Imperfection,
@@ -145,6 +145,15 @@ class Search:
         )
         self._leave_out_wild(ground, stand)
         return ground.climbed(stand)
+
+    def fit_of(self, graph: BondGraph, stand: Footing, prior: Prior) -> Fit:
+        """Give what the recordings that are fitted say of a plant with all that was found, as it stands."""
+        ground = self.ground(graph)
+        q = ground.q_of(stand)
+        plant, begin = ground.plant(q), ground.begin_of(self.trained, self.begin)
+        values = np.clip(_values(plant, q), plant.unknowns.lower, plant.unknowns.upper)
+        point = replace(begin, values=values, starts=ground.starts_of(stand))
+        return fit_at(plant, self.trained, begin, point, prior)
 
     def _leave_out_wild(self, ground: "_Ground", stand: Footing) -> None:
         """Leave out readings of what is held back that lie far off, if they are few, as the fit has left out others."""

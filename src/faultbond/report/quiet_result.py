@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from rich.console import Console
 from rich.text import Text
@@ -41,31 +41,32 @@ class Quieted:
     """What came of a fit until quiet.
 
     text : of the model file; held : recordings, or parts, that were held back; stated : whether the model as given
-    promises a time between false alarms; before, health : the model as given and
-    as it is now, on trial; alarms : when the monitor itself alarms still, by recording; left : what the last round
-    would have added, with what it would gain on the recordings that are fitted; stopped : the signal that ended the
-    search
+    promises a time between false alarms, and promise : that time, else the one that was written; before, health : the
+    model as given and as it is now, on trial, None where the search was stopped before; alarms : when the monitor
+    itself alarms still, by recording; left : what the last round would have added, with what it would gain on the
+    recordings that are fitted; stopped : the signal that ended the search
     """
 
     fitted: Fitted
     text: str
     held: tuple[str, ...]
     stated: bool
-    added: tuple[Added, ...]
-    raised: tuple[Raised, ...]
-    before: Health
-    health: Health
-    alarms: dict[str, float]
-    rounds: int
-    left: tuple[tuple[Imperfection, float], ...]
-    smallest_before: tuple[SmallestFault, ...]
-    smallest_after: tuple[SmallestFault, ...]
+    promise: float
+    added: tuple[Added, ...] = ()
+    raised: tuple[Raised, ...] = ()
+    before: Health | None = None
+    health: Health | None = None
+    alarms: dict[str, float] = field(default_factory=dict)
+    rounds: int = 0
+    left: tuple[tuple[Imperfection, float], ...] = ()
+    smallest_before: tuple[SmallestFault, ...] = ()
+    smallest_after: tuple[SmallestFault, ...] = ()
     stopped: int | None = None
 
     @property
     def quiet(self) -> bool:
-        """Whether the recordings are as quiet as promised."""
-        return self.health.keeps and not self.alarms
+        """Whether the recordings are as quiet as promised; not where nobody has asked."""
+        return self.health is not None and self.health.keeps and not self.alarms
 
 
 def amended_text(text: str, graph: BondGraph, added: Sequence[Added]) -> str:
@@ -148,6 +149,7 @@ def _accuracies(graph: BondGraph, times: Mapping[str, float]) -> Iterator[tuple[
 
 def quiet_record(found: Quieted) -> Record:
     """Give the record of a fit until quiet; SI."""
+    before, health = found.before, found.health
     return {
         "record": "quiet",
         "quiet": found.quiet,
@@ -167,12 +169,12 @@ def quiet_record(found: Quieted) -> Record:
             for item in found.added
         ],
         "raised": [{"what": item.what, "times": item.times} for item in found.raised],
-        "promise": found.health.promise,
-        "between_alarms_before": found.before.between,
-        "between_alarms": found.health.between,
-        "peak_before": found.before.peak,
-        "peak": found.health.peak,
-        "walk": found.health.walk,
+        "promise": found.promise,
+        "between_alarms_before": None if before is None else before.between,
+        "between_alarms": None if health is None else health.between,
+        "peak_before": None if before is None else before.peak,
+        "peak": None if health is None else health.peak,
+        "walk": None if health is None else health.walk,
         "alarms": found.alarms,
         "strayed": stray_records(found.fitted.strays),
         "smallest_before": {item.parameter: item.value for item in found.smallest_before},
@@ -198,10 +200,12 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
     graph: the model as it was given
     """
     texts = [f"{item.what.words}: {join([x.words for x in item.alike])}" for item in found.added if item.alike]
-    told = under("as good", texts) if found.added else [("", "nothing that foretells what was held back better")]
+    so_far = "" if found.stopped is None else " so far"
+    nothing = f"nothing{so_far} that foretells what was held back better"
+    told = under("as good", texts) if found.added else [("", nothing)]
     told += under("raised", [f"{item.what} {item.times:.2g} times as large" for item in found.raised])
     if not found.stated:
-        promise = f"time_between_false_alarms: {duration_text(found.health.promise)}; the model stated none"
+        promise = f"time_between_false_alarms: {duration_text(found.promise)}; the model stated none"
         told.append(("promise", promise))
     parts = [
         QuietPart(
@@ -221,8 +225,8 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
             lines=tuple(heat_lines(found.fitted.graph, [item.parameter for item in found.smallest_after])),
         )
         parts.append(cost)
-    if not found.quiet or found.raised or not found.health.has_room:
-        parts.append(QuietPart(title="What could not be mended", lines=tuple(_left_lines(found))))
+    if found.health is not None and (not found.quiet or found.raised or not found.health.has_room):
+        parts.append(QuietPart(title="What could not be mended", lines=tuple(_left_lines(found, found.health))))
     return tuple(parts)
 
 
@@ -277,9 +281,9 @@ def _cost_rows(found: Quieted) -> Iterator[tuple[str, ...]]:
         yield item.parameter, *texts, unit_text(unit.text)
 
 
-def _left_lines(found: Quieted) -> Iterator[tuple[str, str]]:
+def _left_lines(found: Quieted, health: Health) -> Iterator[tuple[str, str]]:
     """Say where the model is wrong still, and which places would gain."""
-    yield from where_lines(found.fitted.graph, found.health)
+    yield from where_lines(found.fitted.graph, health)
     yield from under("alarms", [f"at {clock_text(time)} of {name}" for name, time in found.alarms.items()])
     places = [item.place for item, gain in found.left if gain > TOLD]
     if places:
@@ -293,14 +297,17 @@ def quiet_verdict(found: Quieted) -> str:
     """Say in a sentence or two what came of it."""
     if found.stopped is not None:
         return f"The search was stopped before its end. {quiet_verdict(replace(found, stopped=None))}"
-    between = spacing_text(found.health.between)
-    if found.quiet and not found.health.has_room:
-        nearest = max(found.health.peak, found.health.walk)
+    health = found.health
+    if health is None:
+        return "The model is as it was by then, and nobody knows yet how quiet: ask `faultbond check --data`."
+    between = spacing_text(health.between)
+    if found.quiet and not health.has_room:
+        nearest = max(health.peak, health.walk)
         return (
             f"The recordings are as quiet as promised, with little to spare: {100 * nearest:.0f} % of the way to an "
             "alarm. A recording of another day may alarm."
         )
     if found.quiet:
         return f"The recordings are as quiet as promised: a false alarm every {between}, as far as they tell."
-    now = "it alarms on them" if found.alarms or found.health.peak > 1.0 else f"a false alarm every {between}"
+    now = "it alarms on them" if found.alarms or health.peak > 1.0 else f"a false alarm every {between}"
     return f"The model is not as quiet as promised: {now}. Mend it where it is wrong, and fit again."
