@@ -306,6 +306,34 @@ def test_a_slow_error_of_a_sensor_does_not_stand_for_its_lag(
     assert {item.what.place for item in better.added if item.what.kind is Kind.LAG} == {"i", "V"}
 
 
+@pytest.mark.parametrize(
+    ("size", "loses", "kept"), [(0.2, 1.0, "V"), (0.2, WORTH, "iV"), (0.3, 0.0, "iV"), (0.2, np.nan, "iV")]
+)
+def test_a_lag_that_has_come_to_nothing_is_left_out(
+    size: float, loses: float, kept: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lag of the least size that is tried goes where hardly less is foretold without it, and is not tried again."""
+    graph, sizes = parse_model(MODEL, file="m.yaml"), {"i": size, "V": 2.0}
+    lags = tuple(Imperfection(kind=Kind.LAG, place=place, size=part) for place, part in sizes.items())
+    stand = Footing(
+        graph=with_imperfections(graph, lags),
+        values={},
+        starts={},
+        held=100.0,
+        added=tuple(Added(what=item, trained=9.0, held=9.0) for item in lags),
+    )
+    search = Search.__new__(Search)
+    search.tell, search.refused, search.graph, search.step = lambda _: None, set(), graph, 1.0
+    ground = SimpleNamespace(climbed=lambda stand: replace(stand, held=100.0 - loses))
+    monkeypatch.setattr(Search, "ground", lambda *_: ground)
+    found = search.lasting(stand)
+    lagging = [item.name for item in found.graph.sensors if item.lag]
+    lagging += [item.name for item in found.graph.inputs if item.lag]
+    assert "".join(lagging) == "".join(item.what.place for item in found.added) == kept
+    assert {item.name for item in found.graph.parameters if item.name.endswith("_lag")} == {f"{k}_lag" for k in kept}
+    assert search.refused == {item.key for item in lags if item.place not in kept}
+
+
 @pytest.mark.parametrize("gain", [4.0, 2.0])
 def test_what_gains_nothing_beside_all_recordings_is_not_added(gain: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """What a few recordings call for is kept where it foretells what was held back also as fitted to all of them."""

@@ -12,11 +12,11 @@ from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
 from faultbond.fit.cure import cured, strayed
-from faultbond.fit.foothold import Footing, as_found
+from faultbond.fit.foothold import Footing, as_found, values_of
 from faultbond.fit.healthy_changes import healthy_changes
 from faultbond.fit.held_back import Recordings, parted
 from faultbond.fit.identification import Prior, fit_plant
-from faultbond.fit.quiet_search import ROUNDS, Search, Tell, values_of
+from faultbond.fit.quiet_search import ROUNDS, Search, Tell
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.session import build_fit, free_parameters
 from faultbond.fit.trial import MONTH, ROOM, WIDEST, Health, alarms_of, enough, on_trial, stays_below
@@ -173,11 +173,12 @@ def _searched(
             if tried.quiet:
                 return tried, now
         better = _next(search, stand, asked) if rounds < ROUNDS else None
-        if better is None:
+        lasting = None if better is None else search.lasting(better)
+        if better is None or lasting is None:
             break
         new, gain = better.added[len(stand.added) :], better.held - stand.held
-        stand, tried = better, None
         tell(f"added: {', '.join(item.what.words for item in new)}; what was held back gains {gain:.0f} nats")
+        stand, tried = lasting, None
         now = replace(_as_it_stands(search, stand, now, text, graph, prior), rounds=rounds + 1)
         yield now
     if tried is not None:

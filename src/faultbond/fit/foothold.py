@@ -3,8 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from faultbond.arrays import FloatArray
 from faultbond.fit.imperfections import Imperfection, Kind, kind_of
+from faultbond.fit.objective import FittedPlant
 from faultbond.fit.outcome import LEAST_ACCURACY
 from faultbond.model.graph import BondGraph
 
@@ -77,3 +80,20 @@ def keys_of(graph: BondGraph) -> set[tuple[Kind, str]]:
     """Give what a plant declares as slow errors and as noise of inputs."""
     noisy = {(Kind.INPUT_NOISE, item.name) for item in graph.inputs if item.noise > 0.0}
     return noisy | {(kind_of(item), item.target) for item in graph.slow_errors}
+
+
+def values_of(plant: FittedPlant, stand: Footing) -> FloatArray:
+    """Give the unknowns (n,) of another fit of the same plant, with parameters as they stand."""
+    q = plant.base.copy()
+    for place, item in zip(plant.unknowns.places, plant.unknowns.parameters, strict=False):
+        q[place] = stand.values.get(item.name, item.nominal) / item.scale
+    return np.clip(values_at(plant, q), plant.unknowns.lower, plant.unknowns.upper)
+
+
+def values_at(plant: FittedPlant, q: FloatArray) -> FloatArray:
+    """Give the unknowns (n,) at q (n_q,)."""
+    unknowns, n = plant.unknowns, plant.unknowns.n_theta
+    values = np.array(q[unknowns.places])
+    logs = unknowns.logarithmic[:n]
+    values[:n] = np.where(logs, np.log(np.maximum(values[:n], 1e-300)), values[:n])
+    return values

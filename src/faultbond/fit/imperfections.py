@@ -4,11 +4,14 @@ A law says one thing and the plant does nearly the same; how nearly is the size 
 the same is its memory.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import inf
 
+import numpy as np
+
+from faultbond.arrays import FloatArray
 from faultbond.equations.sequence import Assignment, Step
 from faultbond.equations.step import StepModel
 from faultbond.fit.likelihood import Layout
@@ -186,6 +189,15 @@ def _lagging(graph: BondGraph, item: Imperfection) -> BondGraph:
     return replace(graph, parameters=tuple(parameters.values()), inputs=tuple(inputs), sensors=tuple(sensors))
 
 
+def without_lag(graph: BondGraph, item: Imperfection) -> BondGraph:
+    """Give a plant in which an input or a sensor does not lag, as before `with_imperfections`."""
+    name = lag_name(item)
+    inputs = (replace(known, lag="") if known.lag == name else known for known in graph.inputs)
+    sensors = (replace(known, lag="") if known.lag == name else known for known in graph.sensors)
+    parameters = (known for known in graph.parameters if known.name != name)
+    return replace(graph, parameters=tuple(parameters), inputs=tuple(inputs), sensors=tuple(sensors))
+
+
 def lag_name(item: Imperfection) -> str:
     """Give the name of the parameter that is the time constant of a lag."""
     return f"{item.place}_lag"
@@ -210,3 +222,22 @@ def memory_place(graph: BondGraph, layout: Layout, item: Imperfection) -> int:
 def _number(graph: BondGraph, item: Imperfection) -> int:
     wanted = item.place, item.kind is not Kind.ABSOLUTE
     return [(known.target, known.relative) for known in graph.slow_errors].index(wanted)
+
+
+def found_in(
+    graph: BondGraph, layout: Layout, q: FloatArray, opened: Sequence[Imperfection]
+) -> tuple[Imperfection, ...]:
+    """Give imperfections of a plant with the sizes and memories of q (n_q,)."""
+    found = []
+    for item in opened:
+        if item.kind is Kind.HOLD:
+            found.append(item)
+            continue
+        place = size_place(graph, layout, item)
+        if item.kind is Kind.LAG:
+            found.append(replace(item, size=float(q[place] * graph.parameters[place].scale)))
+            continue
+        size = float(np.exp(q[place]))
+        memory = float(np.exp(q[memory_place(graph, layout, item)])) if item.is_slow else item.memory
+        found.append(replace(item, size=size, memory=memory))
+    return tuple(found)

@@ -350,6 +350,6 @@ class Padded:
         return self.engine.title
 
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Filter all lanes over a block of samples; see `Engine.advance`."""
+        """Filter lanes (n_lanes, n_numbers) over samples (n_samples, n) of fewer columns; see `Engine.advance`."""
         missing = self.n_sample - samples.shape[1]
         return self.engine.advance(lanes, np.pad(samples, ((0, 0), (0, missing))) if missing else samples)

@@ -27,19 +27,21 @@ from faultbond.errors import StructureError
 from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.certainty import inverse_of
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
-from faultbond.fit.foothold import Added, Footing, in_time, keys_of, with_noise
+from faultbond.fit.foothold import Added, Footing, in_time, keys_of, values_at, with_noise
 from faultbond.fit.hints import explained, last_changes
 from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit, Prior, fit_at
 from faultbond.fit.imperfections import (
     UNTRIED,
     Imperfection,
     Kind,
+    found_in,
     lag_name,
     law_signals,
     memory_place,
     possible,
     size_place,
     with_imperfections,
+    without_lag,
 )
 from faultbond.fit.likelihood import Padded, build_begin, known_starts, layout_of, nominal_q
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
@@ -69,6 +71,7 @@ LONGEST = 0.25  # of a recording: what stays longer is a parameter, not an error
 LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # samples
 LAG_GRID = 4.0  # samples: a lag for which one step of the integration is enough
 LEAST_LAG = 0.2  # samples
+NO_LAG = 1.01 * LEAST_LAG  # samples: a lag that would rather be none
 LAGS_TRIED = 2
 RESTLESS = 0.5  # of the rows, in which an input moves that is no command in steps
 SIZED = (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER, Kind.INPUT_NOISE)
@@ -151,7 +154,7 @@ class Search:
         ground = self.ground(graph)
         q = ground.q_of(stand)
         plant, begin = ground.plant(q), ground.begin_of(self.trained, self.begin)
-        values = np.clip(_values(plant, q), plant.unknowns.lower, plant.unknowns.upper)
+        values = np.clip(values_at(plant, q), plant.unknowns.lower, plant.unknowns.upper)
         point = replace(begin, values=values, starts=ground.starts_of(stand))
         return fit_at(plant, self.trained, begin, point, prior)
 
@@ -191,6 +194,28 @@ class Search:
         alike = tuple(item.added[-1].what for item in near if item is not best)
         alone = self._together(stand, [replace(best.added[-1], alike=alike)])
         return alone if alone.held - stand.held >= WORTH else None  # it may have gained by other values of parameters
+
+    def lasting(self, stand: Footing) -> Footing:
+        """Give a footing without lags that have come down to the least, where that foretells as much.
+
+        What was added with them or later explains what they did. Data say nothing of a lag so short, so errors of any
+        kind would move it.
+        """
+        own = {item.name for item in self.graph.parameters}
+        added = [item for item in stand.added if item.what.kind is Kind.LAG and lag_name(item.what) not in own]
+        gone = [item for item in added if item.what.size <= NO_LAG * self.step]
+        if not gone:
+            return stand
+        self.tell(f"fitting without {', '.join(item.what.words for item in gone)}, of which nothing is left")
+        graph = stand.graph
+        for item in gone:
+            graph = without_lag(graph, item.what)
+        kept = tuple(item for item in stand.added if item not in gone)
+        alone = self.ground(graph).climbed(replace(stand, graph=graph, added=kept))
+        if not stand.held - alone.held < WORTH:
+            return stand
+        self.refused |= {item.what.key for item in gone}
+        return alone
 
     def _promising(self, stand: Footing) -> list[tuple["_Ground", Imperfection]]:
         """Give what is worth to be fitted, each with a plant that may have it, by its gain with the rest as it is.
@@ -493,7 +518,7 @@ class _Ground:
             q = self.with_one(q, item)
         plant = self.plant(q, opened)
         unknowns = plant.unknowns
-        values = np.clip(_values(plant, q), unknowns.lower, unknowns.upper)
+        values = np.clip(values_at(plant, q), unknowns.lower, unknowns.upper)
         known = self.begin_of(records, search.begin)
         begin = replace(known, values=values, starts=self.starts_of(stand)[: len(records)])
         wide = unknowns.widened(self.widths(unknowns))
@@ -504,7 +529,7 @@ class _Ground:
         stood = replace(stood, few=stood.trained) if few else self._seen(stood, found, summit)
         keys = {item.key for item in more}
         gains = stood.few - stand.few, stood.held - stand.held
-        last = (item for item in _found(self, found, opened) if item.key in keys)
+        last = (item for item in found_in(self.graph, self.layout, found, opened) if item.key in keys)
         gained = (Added(what=item, trained=gains[0], held=gains[1]) for item in last)
         return replace(stood, added=(*stood.added, *gained))
 
@@ -513,7 +538,7 @@ class _Ground:
     ) -> Footing:
         layout, search = self.layout, self.search
         noise = np.exp(q[layout.n_p : layout.n_p + layout.n_y])
-        sizes = _found(self, q, opened)
+        sizes = found_in(self.graph, self.layout, q, opened)
         n = len(summit.point.values)
         wide = np.concatenate([np.full(n, WIDE), np.full(summit.point.starts.size, WIDE)])
         spread = np.diag(inverse_of(summit.evaluation.information + np.diag(wide**-2.0)))
@@ -553,40 +578,6 @@ class _Ground:
             found = [by_hand(row[n_u:], row[:n_u], implicit).full()[:, 0] for row in rows]
             sizes = np.sqrt(np.mean(np.square(found), axis=0))
         return {name: float(size) for name, size in zip(self.search.signals, sizes, strict=True) if np.isfinite(size)}
-
-
-def values_of(plant: FittedPlant, stand: Footing) -> FloatArray:
-    """Give the unknowns (n,) of another fit of the same plant, with parameters as they stand."""
-    q = plant.base.copy()
-    for place, item in zip(plant.unknowns.places, plant.unknowns.parameters, strict=False):
-        q[place] = stand.values.get(item.name, item.nominal) / item.scale
-    return np.clip(_values(plant, q), plant.unknowns.lower, plant.unknowns.upper)
-
-
-def _values(plant: FittedPlant, q: FloatArray) -> FloatArray:
-    """Give the unknowns at q."""
-    unknowns, n = plant.unknowns, plant.unknowns.n_theta
-    values = np.array(q[unknowns.places])
-    logs = unknowns.logarithmic[:n]
-    values[:n] = np.where(logs, np.log(np.maximum(values[:n], 1e-300)), values[:n])
-    return values
-
-
-def _found(ground: _Ground, q: FloatArray, opened: Sequence[Imperfection]) -> tuple[Imperfection, ...]:
-    """Give imperfections with the sizes and memories of q."""
-    found = []
-    for item in opened:
-        if item.kind is Kind.HOLD:
-            found.append(item)
-            continue
-        place = size_place(ground.graph, ground.layout, item)
-        if item.kind is Kind.LAG:
-            found.append(replace(item, size=float(q[place] * ground.graph.parameters[place].scale)))
-            continue
-        size = float(np.exp(q[place]))
-        memory = float(np.exp(q[memory_place(ground.graph, ground.layout, item)])) if item.is_slow else item.memory
-        found.append(replace(item, size=size, memory=memory))
-    return tuple(found)
 
 
 def _shortened(record: HealthyRecording) -> HealthyRecording:
