@@ -1,6 +1,8 @@
 """What tests keep of compilers from run to run is of the same bytes, and no warning is hidden by it."""
 
+import os
 import shutil
+import time
 from pathlib import Path
 
 import pytest
@@ -71,6 +73,8 @@ def test_what_was_not_used_for_longest_goes(kept: Path, tmp_path: Path, monkeypa
     (first,) = kept.iterdir()
     compiled_once(TEXT.replace("2", "3"), tmp_path / "made", COMMAND)
     (second,) = {*kept.iterdir()} - {first}
+    for path, age in ((first, 20.0), (second, 10.0)):  # the clock of files is coarser than this test is quick
+        os.utime(path, (time.time() - age,) * 2)
     compiled_once(TEXT, tmp_path / "made", COMMAND)  # the oldest, and now the newest
     monkeypatch.setattr(module, "MOST_BYTES", 2 * size + size // 2)
     compiled_once(TEXT.replace("2", "4"), tmp_path / "made", COMMAND)

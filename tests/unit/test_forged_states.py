@@ -395,6 +395,7 @@ def test_no_memory_is_given_on_trust(members: dict[str, bytes], method: int, tmp
 def test_a_file_of_any_size(tmp_path: Path) -> None:
     """A file that is larger than any state is not read."""
     with (tmp_path / "x").open("wb") as stream:
+        stream.write(b"PK")
         stream.truncate(2**40)
     with pytest.raises(RecordingError, match="or it is damaged"):
         read_saved(tmp_path / "x")

@@ -58,6 +58,7 @@ def test_nines_among_readings_of_that_size_are_readings() -> None:
     readings[200:260] = 999.0 * flow.unit.factor
     assert markers_in(graph, points(readings)) == ()
     assert markers_in(graph, []) == ()
+    assert markers_in(graph, points(np.full(600, np.nan))) == ()
     assert markers_in(graph, points(np.full(600, -9999.0 * flow.unit.factor))) == ()  # nothing to compare it with
 
 

@@ -44,9 +44,11 @@ def markers_in(graph: BondGraph, points: Iterable[PointBlock]) -> tuple[Marker, 
 def _marker(column: Input | Sensor, values: FloatArray) -> Marker | None:
     """Give what marks missing values in a column (n_samples,) of SI; None where nothing seems to."""
     known, times = np.unique(values[np.isfinite(values)], return_counts=True)
+    if len(known) < 2:
+        return None
     for k in (0, len(known) - 1):
         others = np.delete(known, k)
-        if not len(others) or times[k] < TIMES:
+        if times[k] < TIMES:
             continue
         text = f"{column.unit.from_si(float(known[k])):.9g}"
         away = float(np.min(np.abs(others - known[k])))
