@@ -57,6 +57,9 @@ def test_nines_among_readings_of_that_size_are_readings() -> None:
     readings = np.linspace(900.0, 1100.0, 600) * flow.unit.factor
     readings[200:260] = 999.0 * flow.unit.factor
     assert markers_in(graph, points(readings)) == ()
+    readings = np.linspace(900.0, 998.9, 600) * flow.unit.factor
+    readings[-60:] = 999.0 * flow.unit.factor
+    assert markers_in(graph, points(readings)) == ()  # the highest, but the next one is near
     assert markers_in(graph, []) == ()
     assert markers_in(graph, points(np.full(600, np.nan))) == ()
     assert markers_in(graph, points(np.full(600, -9999.0 * flow.unit.factor))) == ()  # nothing to compare it with

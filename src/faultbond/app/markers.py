@@ -1,7 +1,7 @@
 """Numbers that recorders write where they have no value, as -9999: taken for readings they raise an alarm."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,27 +33,34 @@ def markers_in(graph: BondGraph, points: Iterable[PointBlock]) -> tuple[Marker, 
     graph : the plant
     points : of the recording
     """
-    blocks = [np.concatenate([block.u, block.y], axis=1) for block in points]
-    if not blocks:
-        return ()
     columns: tuple[Input | Sensor, ...] = (*graph.inputs, *graph.sensors)
-    found = (_marker(item, values) for item, values in zip(columns, np.concatenate(blocks).T, strict=True))
+    ends: list[dict[float, int]] = [{} for _ in columns]
+    for block in points:
+        for of, values in zip(ends, np.concatenate([block.u, block.y], axis=1).T, strict=True):
+            _take(of, values)
+    found = (_marker(item, of) for item, of in zip(columns, ends, strict=True))
     return tuple(item for item in found if item is not None)
 
 
-def _marker(column: Input | Sensor, values: FloatArray) -> Marker | None:
-    """Give what marks missing values in a column (n_samples,) of SI; None where nothing seems to."""
+def _take(ends: dict[float, int], values: FloatArray) -> None:
+    """Count more values (n,) of a column, of which no more are kept than the two lowest and the two highest."""
     known, times = np.unique(values[np.isfinite(values)], return_counts=True)
-    if len(known) < 2:
+    for value, count in zip(known.tolist(), times.tolist(), strict=True):
+        ends[value] = ends.get(value, 0) + count
+    for value in sorted(ends)[2:-2]:
+        del ends[value]
+
+
+def _marker(column: Input | Sensor, ends: Mapping[float, int]) -> Marker | None:
+    """Give what marks missing values in a column, of which the ends are known; None where nothing seems to."""
+    if len(ends) < 2:
         return None
-    for k in (0, len(known) - 1):
-        others = np.delete(known, k)
-        if times[k] < TIMES:
-            continue
-        text = f"{column.unit.from_si(float(known[k])):.9g}"
-        away = float(np.min(np.abs(others - known[k])))
-        if NINES.fullmatch(text) and away > FAR * float(np.ptp(others)):
-            return Marker(column=column, text=text, times=int(times[k]))
+    low, *inner, high = sorted(ends)
+    for value, others in ((low, (*inner, high)), (high, (low, *inner))):
+        text = f"{column.unit.from_si(value):.9g}"
+        away = min(abs(other - value) for other in others)
+        if ends[value] >= TIMES and NINES.fullmatch(text) and away > FAR * (others[-1] - others[0]):
+            return Marker(column=column, text=text, times=ends[value])
     return None
 
 

@@ -173,12 +173,11 @@ def _searched(
             if tried.quiet:
                 return tried, now
         better = _next(search, stand, asked) if rounds < ROUNDS else None
-        lasting = None if better is None else search.lasting(better)
-        if better is None or lasting is None:
+        if better is None:
             break
         new, gain = better.added[len(stand.added) :], better.held - stand.held
         tell(f"added: {', '.join(item.what.words for item in new)}; what was held back gains {gain:.0f} nats")
-        stand, tried = lasting, None
+        stand, tried = search.lasting(better), None
         now = replace(_as_it_stands(search, stand, now, text, graph, prior), rounds=rounds + 1)
         yield now
     if tried is not None:
