@@ -31,7 +31,7 @@ void t_interact(State *state, double *pairs)
         slots.there[i] = load(pairs + i * FB_LANES);
         slots.gone[i] = load(pairs + (WIDE_NUMBERS + i) * FB_LANES);
     }
-    interact(&slots);
+    interact(SWITCHING, &slots);
     for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
         store(pairs + i * FB_LANES, slots.there[i]);
         store(pairs + (WIDE_NUMBERS + i) * FB_LANES, slots.gone[i]);

@@ -88,6 +88,7 @@ static int64_t detect(State *state)
     found.walker = found.window = found.old = -1;
     found.walk = 0.0;
     found.outside = 0;
+    found.slow = !crossed;
     const double began = walks ? (double)note_walk(state, &found) : beginning(&state->sensors, leading);
     const int64_t change = began >= (double)clock->index ? clock->index : began > (double)oldest ? (int64_t)began : oldest;
     found.time = clock->time;

@@ -13,6 +13,7 @@
 #include "onsets.h"
 
 #define SWITCHING (1.0 / 300.0) /* probability per sample that a fault that comes and goes does so */
+#define EARLY_SWITCHING 2.061153622438558e-9 /* the same, exp(-FROM_START), where faults are not sought */
 #define WALK 12                 /* steps in which the bias of an input comes up that takes a while to settle */
 #define RENEWED_KINDS 4         /* of an instrument: bias, drift, gain, stuck */
 #define N_PAIRS ((N_SLOT_LANES - SWITCHED) / 2)
@@ -415,15 +416,15 @@ static void mix_modes(const Exchange *by, SlotMemory *memory)
     }
 }
 
-/* Let faults come and go; what goes has been there. */
-static void interact(SlotMemory *memory)
+/* Let faults come and go, with a probability; what goes has been there. */
+static void interact(double switching, SlotMemory *memory)
 {
     lanes *there = memory->there, *gone = memory->gone;
     const lanes was_gone = gone[ROLE_RETURNS];
     Exchange by;
     for (int l = 0; l < FB_LANES; l++) {
-        by.there_stays[l] = by.gone_stays[l] = log1p(-SWITCHING);
-        by.there_comes[l] = by.gone_comes[l] = log(SWITCHING);
+        by.there_stays[l] = by.gone_stays[l] = log1p(-switching);
+        by.there_comes[l] = by.gone_comes[l] = log(switching);
     }
     mix_modes(&by, memory);
     gone[ROLE_RETURNS] = blend(memory->kept[1], was_gone, broadcast(1.0));
@@ -444,9 +445,9 @@ static void step_both(const double *packed, const Normal *normal, Filter_wide *f
 }
 
 /* The same of faults that come and go; where the model does not hold nobody knows of that. */
-static void step_pairs(const double *packed, const Normal *normal, Filter_wide *filter, SlotMemory *memory)
+static void step_pairs(double switching, const double *packed, const Normal *normal, Filter_wide *filter, SlotMemory *memory)
 {
-    if (!IS_OUTSIDE(packed)) interact(memory);
+    if (!IS_OUTSIDE(packed)) interact(switching, memory);
     step_both(packed, normal, filter, memory);
 }
 
@@ -491,7 +492,8 @@ static void run_pairs(double (*there)[GROUP], double (*gone)[GROUP], const Trail
             memory->there[i] = load(there[i] + part);
             memory->gone[i] = load(gone[i] + part);
         }
-        for (int64_t place = from; place < end; place++) step_pairs(sample_at(trail, place), normal, filter, memory);
+        for (int64_t place = from; place < end; place++)
+            step_pairs(place < trail->first ? EARLY_SWITCHING : SWITCHING, sample_at(trail, place), normal, filter, memory);
         for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
             store(there[i] + part, memory->there[i]);
             store(gone[i] + part, memory->gone[i]);
@@ -547,7 +549,7 @@ static void advance_slots(Bank *bank, int64_t n_begun, const double *packed, con
         const int64_t n = in_block(pair, N_PAIRS), first = SWITCHED + 2 * pair;
         take_slots(bank, first, 2, n, memory->there);
         take_slots(bank, first + 1, 2, n, memory->gone);
-        step_pairs(packed, normal, filter, memory);
+        step_pairs(SWITCHING, packed, normal, filter, memory);
         put_slots(bank, first, 2, n, memory->there);
         put_slots(bank, first + 1, 2, n, memory->gone);
         join_innovations(memory);

@@ -145,6 +145,7 @@ typedef struct {
                                    -1: it was not raised by that */
     double walk;                /* how far, in standard deviations of what is usual */
     int64_t old;                /* the snapshot from before a walk that began before the trail; -1: it did not */
+    int64_t slow;               /* 1: no sum raised it, so what it tells may have begun long before */
     int64_t outside;            /* samples since then at which the model did not hold */
 } Alarm;
 

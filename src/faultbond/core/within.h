@@ -98,7 +98,8 @@ static double odds_unbiased(const State *state, const Suspect *suspect)
 }
 
 /* Log-odds that the change of suspect i of n of a lane is that of a healthy one. Before a first diagnosis was accepted the change
-   of a parameter counts from the nominal value too, whichever is farther. */
+   of a parameter counts from the nominal value too, whichever is farther; and from there alone where the fault began with the plant:
+   what the healthy filter had made of the first samples was made of faulty ones. */
 static double odds_within(const State *state, int64_t lane, const Suspect *suspects, int64_t n, int64_t i, Given *given)
 {
     const Suspect *suspect = &suspects[i];
@@ -109,8 +110,11 @@ static double odds_within(const State *state, int64_t lane, const Suspect *suspe
     const double value = suspect->estimate / SCALE[k], sd = suspect->sd / SCALE[k];
     Off is = {value - state->bank.healthy[AT_PARAMETERS + k], value - HEALTHY[k], sd * sd, ACCURACY[k]};
     if (is_tied(k)) is = off_beside(state, lane, suspects, n, i, is, given);
-    const double off = state->clock.accepted < 0 ? fmax(fabs(is.since), fabs(is.from_nominal)) : fabs(is.since);
-    return odds_healthy(off, fmax(MOVES_BY * is.accuracy, HEALTHY_CHANGE[k]), CHANGE[k], is.variance);
+    if (state->clock.accepted < 0) {
+        const int began_with_plant = state->bank.onset[lane] <= state->clock.begun + 1;
+        is.since = fmax(began_with_plant ? 0.0 : fabs(is.since), fabs(is.from_nominal));
+    }
+    return odds_healthy(fabs(is.since), fmax(MOVES_BY * is.accuracy, HEALTHY_CHANGE[k]), CHANGE[k], is.variance);
 }
 
 /* The hypothesis that a sensor or an input is at fault by itself; -1: there is none. */

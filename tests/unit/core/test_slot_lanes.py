@@ -66,7 +66,7 @@ double *t_numbers(int64_t k)
     return of[k];
 }
 int64_t *t_onsets(void) { return state.bank.onset + N_STEPS; }
-void t_set(int64_t n, const double *old)
+void t_set(int64_t n, const double *old, int64_t first)
 {
     prepare_filters(&work.filters);
     memset(&work.bank, 0xff, sizeof work.bank);
@@ -74,6 +74,9 @@ void t_set(int64_t n, const double *old)
     trail.oldest = N_ROWS - 3;
     trail.n = n;
     trail.alarm = n - 3;
+    trail.first = first;
+    trail.from_start = 0;
+    state.clock.begun = first > 0 ? trail.oldest + first - WARM_UP_SAMPLES : 0;
     trail.old = NULL;
     state.alarm.old = -1;
     if (old) memcpy(state.healthy.snapshots[0], old, sizeof state.healthy.snapshots[0]);
@@ -111,6 +114,18 @@ void t_begin_at(int64_t onset, const double *peak, double *to)
             for (int64_t i = 0; i < WIDE_NUMBERS; i++) to[i * RAMPED + first + l] = state.job.run[i][l];
     }
 }
+/* The likelihoods of the first group as the work begins it at a place. */
+void t_begin_group(int64_t place, const double *peak, double *to)
+{
+    Filters *filters = &work.filters;
+    state.job.kind = BEGINNING;
+    state.job.stage = SLOTS;
+    state.job.search.place[0] = place;
+    memcpy(state.job.peak, peak, sizeof state.job.peak);
+    for (int64_t l = 0; l < GROUP; l++) state.job.lane[l] = l;
+    begin_onset(&state, &trail, 0, &work.bank, filters);
+    for (int64_t l = 0; l < GROUP; l++) to[l] = state.job.run[WIDE_LIKELIHOOD][l];
+}
 void t_hand_on(int64_t number, double time) { hand_on(&state.bank, SWITCHED, 1, number, time, &work.bank.slots); }
 void t_advance(const double *packed, double *innovations, int64_t stride)
 {
@@ -146,12 +161,17 @@ class Core:
     def _view(self, k: int, *shape: int) -> FloatArray:
         return np.ctypeslib.as_array(ctypes.cast(self.library.t_numbers(k), ctypes.POINTER(ctypes.c_double)), shape)
 
-    def put(self, of: tuple[FloatArray, FloatArray], old: FloatArray | None, lanes: FloatArray | None = None) -> None:
-        """Set the trail, the lane of long ago, and all lanes; numbers of samples go round the end of the rows."""
+    def put(
+        self, of: tuple[FloatArray, FloatArray], old: FloatArray | None, lanes: FloatArray | None = None, first: int = 0
+    ) -> None:
+        """Set the trail, the lane of long ago, and all lanes; numbers of samples go round the end of the rows.
+
+        first : place up to which the plant warms up
+        """
         places = (len(self.rows) - 3 + np.arange(len(of[0]))) % len(self.rows)
         self.rows[places, : SPEC.n_sample], self.rows[places, SPEC.n_sample : -2] = of
         self.rows[places, -2] = 100.0 + np.arange(len(of[0]))  # s
-        self.library.t_set(ctypes.c_int64(len(of[0])), at(old))
+        self.library.t_set(ctypes.c_int64(len(of[0])), at(old), ctypes.c_int64(first))
         if lanes is not None:
             first = (N - 1) // GROUP * GROUP  # of the last block, which is filled up with it
             filled = lanes[:, [*range(N), *[first] * (-N % GROUP)]]
@@ -260,9 +280,9 @@ def merged(one: FloatArray, two: FloatArray, first: float, second: float) -> Flo
     return lane
 
 
-def interacted(lanes: FloatArray) -> FloatArray:
+def interacted(lanes: FloatArray, switching: float = 1.0 / 300.0) -> FloatArray:
     """Pairs (n_numbers, 2 n), in which once in 300 samples the fault comes or goes; what goes has been there."""
-    stay, come, found = np.log(299.0 / 300.0), np.log(1.0 / 300.0), []
+    stay, come, found = np.log1p(-switching), np.log(switching), []
     for k in range(lanes.shape[1]):
         own, other = lanes[:, k].copy(), lanes[:, k ^ 1]
         found.append(merged(own, other, own[-1] + stay, other[-1] + come))
@@ -367,6 +387,27 @@ def test_lanes_begin_at_their_best_onset_and_pairs_at_the_oldest_sample(
     for sample in of[0][1:]:
         now, _ = core.advanced(interacted(now), sample[None, :])
     assert close(core.lanes()[:, SWITCHED:], now)
+
+
+def test_what_is_there_from_the_first_sample_has_to_gain_more(core: Core) -> None:
+    """While the plant warms up what begins, with its first sample or as one of a pair, is 20 nats less likely."""
+    of, first = trail(34), 8
+    core.put(of, None, first=first)
+    core.library.t_begin(ctypes.c_int64(20), at(PEAK))
+    began = core.onsets[:SWITCHED] - (len(core.rows) - 3)
+    assert began.min() >= first
+    now = np.array([begun(k, 0, 1, of, None) for k in range(SWITCHED, N)]).T
+    now[-1, ::2] = -np.inf
+    for place in range(1, 34):
+        now, _ = core.advanced(interacted(now, np.exp(-20.0) if place < first else 1.0 / 300.0), of[0][place, None])
+    assert close(core.lanes()[:, SWITCHED:], now)
+    likelihoods = {}
+    for place, since in ((1, 0), (1, first), (first, first)):
+        core.put(of, None, first=since)
+        core.library.t_begin_group(ctypes.c_int64(place), at(PEAK), at(found := np.zeros(GROUP)))
+        likelihoods[place, since] = found
+    assert likelihoods[1, first] == pytest.approx(likelihoods[1, 0] - 20.0)
+    assert likelihoods[first, first] == pytest.approx(of[1][first - 1, -1])  # that of the healthy plant
 
 
 def test_lanes_go_on_and_pairs_are_judged_as_one(core: Core) -> None:

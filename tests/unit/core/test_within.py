@@ -99,7 +99,13 @@ def test_a_change_counts_from_before_the_fault_too() -> None:
     before[FIRST + index] = 1.0 + 5.0 * accuracy
     state["clock.accepted"] = -1
     state["bank.healthy"] = before
+    begun = float(state["clock.begun"][0])
+    state["bank.onset"] = np.full_like(state["bank.onset"], begun + 2)
     assert told(state)[0] < 1e-6
+    state["bank.onset"] = np.full_like(
+        state["bank.onset"], begun + 1
+    )  # from faulty samples the filter learned what it had before
+    assert told(state)[0] == pytest.approx(part_within(index, 0.0), rel=1e-6)
     found_at(state, lane, {index: 5.2 * accuracy})
     assert told(state)[0] < 1e-6
     state["clock.accepted"] = 50
