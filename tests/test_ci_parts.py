@@ -79,7 +79,7 @@ def test_all_is_fetched_before_it_is_installed(tmp_path: Path) -> None:
 def test_a_step_that_fails_or_hangs_ends_it(tmp_path: Path, how: str, fails: str, why: str, last: str) -> None:
     """It ends well with a line, and what follows that step is not tried."""
     told = said(tmp_path, fails=fails, how=how).splitlines()[-1]
-    assert told.startswith("faultbond: without chromium fonts-liberation mosquitto ")
+    assert told.startswith("faultbond: without chromium-headless-shell fonts-liberation mosquitto ")
     assert f"({why}{': E: no network' if 'E:' in how else ''}); the tests that need them skip" in told
     assert asked(tmp_path)[-1] == last
 

@@ -5,6 +5,7 @@ told apart. It crashes on models without redundancy and on empty rows and column
 """
 
 import warnings
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,6 @@ from faultbond.diagnosability.structural import StructuralModel
 from faultbond.equations.matching import decompose
 from low_index import low_index
 
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")  # of the toolbox and of what it imports
-    toolbox = pytest.importorskip("faultdiagnosistoolbox")
-
 pytestmark = pytest.mark.filterwarnings("ignore")
 
 CAUSALITIES = {Interpretation.MIXED: "mixed", Interpretation.INTEGRAL: "int", Interpretation.DERIVATIVE: "der"}
@@ -35,6 +32,14 @@ PUBLISHED = {
     "engine": published.ENGINE,
 }
 SEEDS = range(25)
+
+
+@cache
+def toolbox() -> Any:
+    """The toolbox, which takes seconds to import: of all that collect this file, one runs it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the toolbox and of what it imports
+        return pytest.importorskip("faultdiagnosistoolbox")
 
 
 def drawn(seed: int) -> StructuralModel:
@@ -74,7 +79,7 @@ def peer(model: StructuralModel) -> Any:
     faults[list(model.faults), range(len(model.faults))] = 1
     known = np.zeros((len(model.equations), 1), dtype=np.int64)
     names = [f"x{k}" for k in range(model.n_variables)]
-    return toolbox.DiagnosisModel(
+    return toolbox().DiagnosisModel(
         {
             "type": "MatrixStruc",
             "X": variables,

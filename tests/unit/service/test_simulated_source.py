@@ -143,8 +143,9 @@ def test_rows_keep_their_time() -> None:
     assert max(len(item.rows) for item in found.arrivals[1:4]) < 60
 
 
-def test_another_model_or_wish_begins_anew() -> None:
+def test_another_model_or_wish_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     """A cursor that is of another simulation is told as a count."""
+    monkeypatch.setattr(module, "ROWS", 100)  # of a stretch, of which each beginning computes two
     found = made(10)
     assert made(10, cursors=found.cursors).counts("tank") == {}
     assert made(10, seed=5, cursors=found.cursors).counts("tank") == {"begun anew": 1}
@@ -213,8 +214,9 @@ def test_what_cannot_be_simulated_is_told(tmp_path: Path) -> None:
             gathered(source)
 
 
-def test_faults_of_other_plants_are_left_out() -> None:
+def test_faults_of_other_plants_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """A fault of a parameter that only another plant of the source has is none of this one."""
+    monkeypatch.setattr(module, "ROWS", 100)
     item = subscriber("tank", tank_subscriber().columns)
     fault = FaultRequest(parameter="R_of_another", value=1.0, factor=None, start=1.0, end=1.0)
     source = SimulatedPlant([item], SimulationWishes(speed=FASTEST, faults=(fault,)))

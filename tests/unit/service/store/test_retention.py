@@ -176,13 +176,14 @@ def test_small_chunks_become_large_ones(store: RelationalStore) -> None:
     assert flat(store.log_after("pump", 0, 0)) == flat([some_rows(0, 3050)])
 
 
-def test_no_commit_merges_all_assets(store: RelationalStore) -> None:
+def test_no_commit_merges_all_assets(store: RelationalStore, monkeypatch: pytest.MonkeyPatch) -> None:
     """Chunks of assets that come in step are merged a few assets at a time, and all in the end."""
+    monkeypatch.setattr(tail, "LARGE", 100)
     names = [f"a{k}" for k in range(24)]
     for name in names:
         store.enrol(enrolment(name))
     most = before = 0
-    for first in range(0, 1100):
+    for first in range(0, 150):
         store.commit([Commit(asset=name, rows=some_rows(first, 1)) for name in names])
         merged = store._database.number("SELECT count(*) FROM chunks WHERE dense=1")
         most = max(most, merged - before)
