@@ -409,7 +409,7 @@ class Interrupt:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
         self.number, self.armed, self.after = number, False, 0
-        lanes = objective._lanes
+        begun = objective._begun
 
         def counted(*words: Any) -> Any:
             if self.armed:
@@ -417,9 +417,9 @@ class Interrupt:
                 self.after += self.number < 0
                 if self.number == 0:
                     os.kill(os.getpid(), signal.SIGTERM)
-            return lanes(*words)
+            return begun(*words)
 
-        monkeypatch.setattr(objective, "_lanes", counted)
+        monkeypatch.setattr(objective, "_begun", counted)
 
 
 @pytest.fixture
