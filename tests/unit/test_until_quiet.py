@@ -696,7 +696,7 @@ def test_a_slow_error_is_raised_by_itself_and_not_without_end(
         return quiet, slow, replace(slow, name="L.e", peak=ROOM * takes / far)
 
     monkeypatch.setattr(trial, "take_recording", lambda _, item: item)
-    monkeypatch.setattr(trial, "watch_taken", lambda _, __, variants: variants)
+    monkeypatch.setattr(trial, "watch_taken", lambda _, __, variants: [variants])
     monkeypatch.setattr(trial, "alarm_rates", rates)
     errors = tuple(SimpleNamespace(alarms=alarms) for alarms in (False, True, True))
     core = cast("Core", SimpleNamespace(spec=SimpleNamespace(parameters=(), outputs=("i",), slow_errors=errors)))

@@ -113,7 +113,7 @@ def on_trial(
     none = {"accuracy": not spec.parameters, "noise": False, "slow": not spec.slow_errors}
     tried = {(kind, factor): Variant(**{kind: factor}) for kind in KINDS if not none[kind] for factor in factors}
     variants = list(dict.fromkeys([Variant(), *tried.values()]))
-    seen = list(zip(*(watch_recording(core, item, variants) for item in records), strict=True))
+    seen = list(zip(*watch_taken(core, [take_recording(core, item) for item in records], variants), strict=True))
     found = {variant: alarm_rates(spec, watches, step) for variant, watches in zip(variants, seen, strict=True)}
     trials = []
     for (kind, factor), variant in tried.items():
@@ -190,7 +190,7 @@ def enough(core: Core, records: Sequence[HealthyRecording], promise: float, most
     step, taken = _step(records), [take_recording(core, item) for item in records]
 
     def rates(variant: Variant) -> tuple[Rate, ...]:
-        seen = [watch_taken(core, item, (variant,))[0] for item in taken]
+        seen = [item for (item,) in watch_taken(core, taken, (variant,))]
         return alarm_rates(core.spec, seen, step)
 
     def keeps(found: tuple[Rate, ...]) -> bool:
