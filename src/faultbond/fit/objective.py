@@ -171,7 +171,7 @@ def _run(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: 
                 variances.append(np.where(use, s, np.nan))
             e, s, use = e[:, :, None], s[:, :, None], use[:, :, None]
             e_by, s_by = (np.where(use, item, 0.0) for item in np.split(slopes, 2, axis=1))
-            by_e, by_s = (e_by / np.sqrt(s)).reshape(-1, count), (s_by / s).reshape(-1, count)
+            by_e, by_s = (item.reshape(e.size, count) for item in (e_by / np.sqrt(s), s_by / s))
             information += by_e.T @ by_e + 0.5 * by_s.T @ by_s
             ratio = e / s
             score = (-ratio * e_by + 0.5 * (ratio**2 - 1.0 / s) * s_by).sum(axis=1)
