@@ -183,13 +183,12 @@ def foretold(text: str) -> float:
     begin, step = build_begin(model), build_likelihood(model)
     place, q = sample_fields(2, 2, 0, 0), nominal_q(model)
     start = begin(q, [0.0, 0.0])[0].full()[:, 0]
-    lane = np.zeros(step.size_in(0)[0])
-    lane[: len(start)], lane[len(start) : len(start) + len(q)] = start, q
+    common, still = np.concatenate([start, q]), np.zeros(step.size_in(1))
     worst = 0.0
     for k in range(1, 100):
-        sample = np.zeros(step.size_in(1)[0])
+        sample = np.zeros(step.size_in(2)[0])
         sample[place["dt"]], sample[place["u_before"]] = 0.1, made.inputs[k - 1]
         sample[place["u"]], sample[place["y"]] = made.inputs[k], made.outputs[k]
-        lane, innovations = (item.full()[:, 0] for item in step(lane, sample))
-        worst = max(worst, float(np.abs(innovations[:2]).max()))
+        common, seen = (item.full()[:, 0] for item in step(common, still, sample)[:2])
+        worst = max(worst, float(np.abs(seen[:2]).max()))
     return worst

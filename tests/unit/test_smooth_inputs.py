@@ -202,7 +202,7 @@ def test_a_fit_takes_it_as_the_engine_does() -> None:
     model, spec = build_step_model(plant), core.spec
     begin, step, q = build_begin(model), build_likelihood(model, slopes=False), nominal_q(model)
     start = begin(q, np.zeros(2))[0].full()[:, 0]
-    lane = np.concatenate([start, q, np.zeros(step.size_in(0)[0] - len(start) - len(q))])
+    lane = np.concatenate([start, q, np.zeros(step.size_in(1)[0] - len(start) - len(q))])
     own = np.zeros((spec.n_numbers, 1))
     own[: spec.n_joint, 0] = [*start[:2], 1.0, 1.0, 1.0, 1.0, 0.0]
     rows, columns = np.triu_indices(spec.n_joint)
@@ -215,7 +215,7 @@ def test_a_fit_takes_it_as_the_engine_does() -> None:
     rows_packed[:, spec.sample_fields["bound"]] = 0.0
     _, seen = core.advance(own, rows_packed)
     for k, sample in enumerate(record.samples):
-        lane, found = (item.full()[:, 0] for item in step(lane, sample))
+        lane, found = (item.full()[:, 0] for item in step([], lane, sample)[2:])
         # Of the first sensor: nothing was told before it.
         assert found[2] == pytest.approx(seen[k, 2, 0], rel=1e-5)
         assert found[0] == pytest.approx(seen[k, 0, 0], abs=1e-4 * np.sqrt(found[2]))

@@ -409,7 +409,7 @@ class Interrupt:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
         self.number, self.armed, self.after = number, False, 0
-        lanes = objective._lanes
+        begun = objective._begun
 
         def counted(*words: Any) -> Any:
             if self.armed:
@@ -417,9 +417,9 @@ class Interrupt:
                 self.after += self.number < 0
                 if self.number == 0:
                     os.kill(os.getpid(), signal.SIGTERM)
-            return lanes(*words)
+            return begun(*words)
 
-        monkeypatch.setattr(objective, "_lanes", counted)
+        monkeypatch.setattr(objective, "_begun", counted)
 
 
 @pytest.fixture
@@ -696,7 +696,7 @@ def test_a_slow_error_is_raised_by_itself_and_not_without_end(
         return quiet, slow, replace(slow, name="L.e", peak=ROOM * takes / far)
 
     monkeypatch.setattr(trial, "take_recording", lambda _, item: item)
-    monkeypatch.setattr(trial, "watch_taken", lambda _, __, variants: variants)
+    monkeypatch.setattr(trial, "watch_taken", lambda _, __, variants: [variants])
     monkeypatch.setattr(trial, "alarm_rates", rates)
     errors = tuple(SimpleNamespace(alarms=alarms) for alarms in (False, True, True))
     core = cast("Core", SimpleNamespace(spec=SimpleNamespace(parameters=(), outputs=("i",), slow_errors=errors)))

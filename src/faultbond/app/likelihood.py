@@ -1,14 +1,16 @@
 """The likelihood of a model, as the verbs build it."""
 
 from importlib import resources
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from faultbond.contract.spec import Engine
 from faultbond.fit.library import load_likelihood
 from faultbond.io.cache import loadable
 
+if TYPE_CHECKING:
+    from faultbond.fit.likelihood import Likelihood
 
-def likelihood_engine(step_model: Any, *, slopes: bool = True) -> Engine:
+
+def likelihood_engine(step_model: Any, *, slopes: bool = True) -> "Likelihood":
     """Build what evaluates the likelihood of a model in discrete time, perhaps without its slopes.
 
     Raises
@@ -17,11 +19,11 @@ def likelihood_engine(step_model: Any, *, slopes: bool = True) -> Engine:
         Where there is no C compiler, it fails, or what was built cannot be loaded.
     """
     from faultbond.fit.likelihood import build_likelihood  # noqa: PLC0415 - loads casadi
-    from faultbond.synthesis.compile import compile_library, compiler_title, required_compiler  # noqa: PLC0415 - as emit
+    from faultbond.synthesis.compile import compile_library, required_compiler  # noqa: PLC0415 - as emit
     from faultbond.synthesis.emit import emit_filter  # noqa: PLC0415 - loads casadi
 
     compiler, function = required_compiler(), build_likelihood(step_model, slopes=slopes)
     template = resources.files("faultbond.synthesis").joinpath("engine.c.in").read_text()
     library = compile_library(emit_filter(function, template), compiler)
     with loadable([library]) as (path,):
-        return load_likelihood(path, function.numel_out(1), compiler_title(compiler))
+        return load_likelihood(path, function)

@@ -19,7 +19,7 @@ from faultbond.fit.identification import Prior, fit_plant
 from faultbond.fit.quiet_search import ROUNDS, Search, Tell
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.session import build_fit, free_parameters
-from faultbond.fit.trial import MONTH, ROOM, WIDEST, Health, alarms_of, enough, on_trial, stays_below
+from faultbond.fit.trial import MONTH, ROOM, WIDEST, Health, alarms_of, enough, on_trial, stays_below, strayed_on
 from faultbond.model.amend import amended
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
@@ -299,16 +299,28 @@ def widened(attempt: Attempt, tell: Tell) -> Attempt:
     What a fit says of a parameter is how well all recordings together tell one value of it; how far it is from that in
     each of them, or under other inputs, is what `run` has to be told. As it was where that is more than WIDEST times.
     """
-    times: dict[str, float] = {}
-    wider = attempt
-    while far := {name: part / ROOM for name, part in wider.health.strayed.items() if part > ROOM}:
+    before, times = attempt.widened, dict[str, float]()
+
+    def strayed_with(times: dict[str, float]) -> dict[str, float]:
+        graph = parse_model(widened_text(attempt.text, attempt.graph, times), file=attempt.graph.file)
+        return strayed_on(build_watcher(graph), attempt.records)
+
+    strayed = attempt.health.strayed
+    while far := {name: part / ROOM for name, part in strayed.items() if part > ROOM}:
+        hopes = not times
         times = {name: times.get(name, 1.0) * far.get(name, 1.0) for name in (*times, *far)}
         times = {name: x * SPARE if name in far else x for name, x in times.items()}
-        if any(x * attempt.widened.get(name, 1.0) > WIDEST for name, x in times.items()):
+        if any(x * before.get(name, 1.0) > WIDEST for name, x in times.items()):
             return attempt
-        text = widened_text(attempt.text, attempt.graph, times)
-        wider = put_on_trial(text, attempt.fitted, [(item.name, item.points) for item in attempt.records], tell)
-    before = attempt.widened
+        if hopes:  # a wider accuracy also lets it move farther: some stray however wide it is
+            widest = strayed_with({name: WIDEST / before.get(name, 1.0) for name in far})
+            if any(widest.get(name, 0.0) > ROOM for name in far):
+                return attempt
+        strayed = strayed_with(times)
+    if not times:
+        return attempt
+    text = widened_text(attempt.text, attempt.graph, times)
+    wider = put_on_trial(text, attempt.fitted, [(item.name, item.points) for item in attempt.records], tell)
     return replace(wider, widened=before | {name: before.get(name, 1.0) * x for name, x in times.items()})
 
 

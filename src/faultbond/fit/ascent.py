@@ -26,6 +26,9 @@ SETTLED = 1e-4  # nats that the next step would still bring
 SOFT, STIFF = 1e-2, 1e2  # damping below which a step is nearly Newton's; the largest a step begins with
 POOR, FAIR = 0.25, 0.75  # of the promise kept: the damping rises below, and falls above
 LEAST_DAMPING = 1e-7
+IDLE = 2  # steps in a row that bring less than what settles: a fold
+BENT = 0.1  # of its gain, by which a step may differ from one along a parabola
+STEPS_SEEN, LEAST_BENT = 6, 0.05  # steps whose curvature counts; the least of it, beside what was expected
 LONGEST = 1.5  # step of a logarithm at most
 START_PRIOR = 1e3  # sd of a free start, in its unit; it only keeps what does not show where it is
 NOISE_ROUNDS = 4
@@ -106,15 +109,15 @@ def _straight(hill: "_Hill", now: Summit, most: int, settled: float, begun: str 
 
     begun : says where, for who is told of the steps
     """
-    damping = 1e-3
+    damping, seen, idle = 1e-3, list[tuple[FloatArray, FloatArray]](), 0
     for turn in range(most):
-        if not np.isfinite(now.posterior):
+        if not np.isfinite(now.posterior) or idle >= IDLE:
             break
         hill.tell(f"{turn + 1} of at most {most}{begun}, {now.posterior - hill.foot:.0f} nats gained")
-        slope, damping = hill.slope(now), min(damping, STIFF)
+        slope, damping, precision = hill.slope(now), min(damping, STIFF), as_bent(now.precision, seen)
         free = ~hill.held(now, slope)
         for attempt in range(PATIENCE):
-            move, promise = hill.move(now, slope, free, damping)
+            move, promise = hill.move(precision, slope, free, damping)
             if promise <= settled and damping <= SOFT:
                 return replace(now, settled=True)
             point = hill.moved(now.point, move)
@@ -126,13 +129,30 @@ def _straight(hill: "_Hill", now: Summit, most: int, settled: float, begun: str 
             damping *= 8.0
         else:
             break
-        kept = gain / max(float(move @ slope - 0.5 * move @ now.precision @ move), 1e-300)  # of what was foretold
+        kept = gain / max(float(move @ slope - 0.5 * move @ precision @ move), 1e-300)  # of what was foretold
         if kept < POOR:
             damping *= 4.0
         elif kept > FAIR:
             damping = max(damping / 8.0, LEAST_DAMPING)
+        idle = idle + 1 if gain < settled else 0
+        moved, after = hill.away(trial.point) - hill.away(now.point), hill.slope(trial)
+        parabola = abs(0.5 * float(moved @ (slope + after)) - gain) <= BENT * gain
+        seen = [*seen[1 - STEPS_SEEN :], (moved, slope - after)] if parabola else []
         now = trial
     return replace(now, settled=False)
+
+
+def as_bent(precision: FloatArray, seen: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
+    """Give a precision (m, m) with the curvature that steps have seen: each the move, and by what the slope fell.
+
+    The information is what is expected if the model is right; where errors go with each other the hill is another one.
+    Source: formula of Broyden, Fletcher, Goldfarb and Shanno; Nocedal and Wright 2006, (6.19).
+    """
+    for moved, fell in seen:
+        along, bent = precision @ moved, float(moved @ fell)
+        if bent > LEAST_BENT * float(moved @ along) > 0.0:
+            precision = precision - np.outer(along, along) / (moved @ along) + np.outer(fell, fell) / bent
+    return precision
 
 
 class _Hill:
@@ -190,11 +210,13 @@ class _Hill:
         )
         return stuck
 
-    def move(self, now: Summit, slope: FloatArray, free: BoolArray, damping: float) -> tuple[FloatArray, float]:
+    def move(
+        self, precision: FloatArray, slope: FloatArray, free: BoolArray, damping: float
+    ) -> tuple[FloatArray, float]:
         """Give the step, and what it would bring if the hill were as it looks from here."""
         step = np.zeros(len(slope))
-        scale = np.sqrt(np.maximum(np.diag(now.precision), 1e-300))[free]
-        matrix = now.precision[np.ix_(free, free)] / np.outer(scale, scale)
+        scale = np.sqrt(np.maximum(np.diag(precision), 1e-300))[free]
+        matrix = precision[np.ix_(free, free)] / np.outer(scale, scale)
         matrix[np.diag_indices_from(matrix)] += damping
         step[free] = np.linalg.lstsq(matrix, slope[free] / scale, rcond=None)[0] / scale
         longest = np.max(np.abs(step[self.logarithmic]), initial=0.0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.fit.ascent import Summit, ascend
-from faultbond.fit.objective import BLOCK, LOG_2_PI, FitPoint, FittedPlant
+from faultbond.fit.objective import BLOCK, LOG_2_PI, FitPoint, FittedPlant, likelihood_value
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.unknowns import Unknowns
 
@@ -30,41 +30,46 @@ def likelihoods(
     starts : (n_records, n_own), see `FitPoint`
     declared : float array, shape (n, n_q); q of each way, see `Layout`
     """
+    if plant.slopes:  # a filter that gives them follows one way at a time
+        point = FitPoint(values=_NONE, starts=starts, sizes=np.ones_like(starts))
+        return np.array([likelihood_value(all_known(plant, q), records, point) for q in declared])
     total, n_y = np.zeros(len(declared)), plant.layout.n_y
     block = max(_MOST_AT_ONCE // max(len(declared), 1), 1)
     with np.errstate(all="ignore"):
         for record, start in zip(records, starts, strict=True):
-            lanes = _still_lanes(plant, start, declared)
+            lanes = _begun(plant, start, declared)
             for first in range(0, len(record.time), block):
                 part = slice(first, first + block)
-                lanes, found = plant.engine.advance(lanes, record.samples[part])
+                _, lanes, _, found = plant.engine.advance(_NONE, lanes, record.samples[part])
                 use = record.use[part][:, :, None]
-                e, s = found[:, :n_y], found[:, n_y : 2 * n_y]
+                e, s = found[:, :n_y], found[:, n_y:]
                 total -= 0.5 * np.where(use, e**2 / s + np.log(s) + LOG_2_PI, 0.0).sum(axis=(0, 1))
     return np.where(np.isfinite(total), total, -np.inf)
 
 
-def _still_lanes(plant: FittedPlant, start: FloatArray, declared: FloatArray) -> FloatArray:
-    """Give lanes (n_numbers, n) at the begin of a recording, which move in no direction if they have one."""
-    layout, n_free = plant.layout, len(plant.free)
-    x = np.zeros(layout.n_x)
+def _begun(plant: FittedPlant, start: FloatArray, declared: FloatArray) -> FloatArray:
+    """Give a filter (n_numbers, n) at the begin of a recording for each way to declare."""
+    n_free = len(plant.free)
+    x = np.zeros(plant.layout.n_x)
     x[list(plant.free)] = start[:n_free]
     held = []
     for row in declared:
         q = row.copy()
         q[[place for place, _ in plant.own]] = start[n_free:]
         held.append(np.concatenate([plant.begin(q, x)[0].full()[:, 0], q, plant.implicit]))
-    still = np.zeros((layout.n_filter + layout.n_q if plant.slopes else 0, len(held)))
-    return np.concatenate([np.array(held).T, still])
+    return np.array(held).T
 
 
 def joint_courses(plant: FittedPlant, record: HealthyRecording, start: FloatArray, q: FloatArray) -> FloatArray:
-    """Give inputs and joint vectors [x, b, factors, input noise] at some moments, (n_moments, n_u + n_v)."""
-    layout, lanes, found = plant.layout, _still_lanes(plant, start, q[None]), []
+    """Give inputs and joint vectors [x, b, factors, input noise] at some moments, (n_moments, n_u + n_v).
+
+    The engine of the plant gives no slopes.
+    """
+    layout, lanes, found = plant.layout, _begun(plant, start, q[None]), []
     n_known = layout.n_x + layout.n_b
     ends = np.unique(np.linspace(0, len(record.time), _PLACES + 1).astype(int))
     for first, last in pairwise(ends.tolist()):
-        lanes = plant.engine.advance(lanes, record.samples[first:last])[0]
+        lanes = plant.engine.advance(_NONE, lanes, record.samples[first:last]).lanes
         mean = lanes[: layout.n_mean, 0]
         found.append(np.concatenate([record.u[last - 1], mean[:n_known], q[: layout.n_p], mean[n_known:]]))
     return np.array(found)

@@ -16,7 +16,7 @@ import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import NoVerdictError, RecordingError
-from faultbond.fit.ascent import SETTLED, START_PRIOR, Summit, ascend, spread_noise
+from faultbond.fit.ascent import SETTLED, START_PRIOR, TURNS, Summit, ascend, spread_noise
 from faultbond.fit.certainty import PARTNER, Certainty, certainty_of, together
 from faultbond.fit.constancy import Change, changes_of
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, follow_alone, score_recording
@@ -273,7 +273,7 @@ def _without_wild(
         begin = spread_noise(plant, kept, best.point)
         wide = plant.unknowns.widened(WIDE)
         told = _steps(tell, "leaving out readings that lie far off")
-        best = ascend(plant, kept, begin, wide, anchor=best.point.starts, settled=settled, tell=told)
+        best = ascend(plant, kept, begin, wide, anchor=best.point.starts, turns=TURNS, settled=settled, tell=told)
     return kept, best
 
 
@@ -310,7 +310,8 @@ def _weigh(
     rounds = 1 if prior is Prior.DECLARED else ROUNDS
     for k in range(rounds):
         wide, each = unknowns.widened(widths), _after(tell, f", round {k + 1} of at most {rounds}")
-        best = ascend(plant, records, best.point, wide, anchor=begin.starts, settled=settled, tell=each)
+        turns = TURNS if k else None  # places around were tried, and the widths hardly change any more
+        best = ascend(plant, records, best.point, wide, anchor=begin.starts, turns=turns, settled=settled, tell=each)
         away = ((best.point.values - unknowns.nominal)[:n] / accuracies) ** 2
         left = np.diag(np.linalg.inv(best.precision))[:n] / (widths * accuracies) ** 2
         told = 1.0 - np.clip(left, 0.0, 1.0)

@@ -82,42 +82,54 @@ def watch_recording(
     record : the recording
     variants : what is declared otherwise
     """
-    return watch_taken(core, take_recording(core, record), variants)
+    return watch_taken(core, (take_recording(core, record),), variants)[0]
 
 
-def watch_taken(core: Core, taken: Taken, variants: Sequence[Variant] = (Variant(),)) -> tuple[Watch, ...]:
-    """Give what the detector sees of a recording that the monitor has taken; see `watch_recording`."""
-    spec, count = core.spec, taken.count
-    shape, first = (len(variants), count, len(spec.outputs)), count - len(taken.rows)
-    scores, slow = np.full(shape, np.nan), np.full((*shape[:2], len(spec.slow_errors)), np.nan)
-    for k, variant in enumerate(variants):
-        scores[k, first:], slow[k, first:] = _filtered(core, taken, variant)
+def watch_taken(
+    core: Core, taken: Sequence[Taken], variants: Sequence[Variant] = (Variant(),)
+) -> tuple[tuple[Watch, ...], ...]:
+    """Give what the detector sees of recordings that the monitor has taken, of each for each way to declare.
+
+    All are summed up side by side, the shorter ones filled up with samples that nothing is read of.
+    """
+    spec, count = core.spec, max((item.count for item in taken), default=0)
+    shape = (len(variants), len(taken), count, len(spec.outputs))
+    scores, slow = np.full(shape, np.nan), np.full((*shape[:3], len(spec.slow_errors)), np.nan)
     alone = np.full(shape[1:], np.nan)
-    alone[first:] = _alone(core, taken)
-    warm = first + spec.thresholds.warm_up_samples
-    scores[:, :warm], slow[:, :warm] = np.nan, np.nan
+    use, forget, astray = np.zeros((3, *shape[1:]), dtype=bool)
+    for r, item in enumerate(taken):
+        first = item.count - len(item.rows)
+        warm = first + spec.thresholds.warm_up_samples
+        for k, variant in enumerate(variants):
+            scores[k, r, first : item.count], slow[k, r, first : item.count] = _filtered(core, item, variant)
+        alone[r, first : item.count] = _alone(core, item)
+        scores[:, r, :warm], slow[:, r, :warm] = np.nan, np.nan
+        use[r, first : item.count], astray[r, first : item.count] = item.use, item.astray[:, None]
+        forget[r, first : item.count] = item.settling | item.astray[:, None]
+        use[r, :warm], astray[r, :warm], forget[r, :warm] = False, False, False
     climbs = np.zeros((3, *shape))
-    sums = no_sums(shape[0], shape[2])
-    for t in range(warm, count):
-        row = t - first
-        if taken.astray[row]:  # after a gap the scatter is compared with nothing before it
-            sums = replace(sums, before=np.full_like(sums.before, np.nan))
-        forget = taken.settling[row] | taken.astray[row]
-        sums = added(spec.thresholds, sums, scores[:, t], taken.use[row], forget)
-        climbs[:, :, t] = heights_of(spec.thresholds, sums)
-    scores[:, first:][:, ~taken.use] = np.nan
+    sums = no_sums(shape[0], *shape[1::2])
+    for t in range(count):
+        if astray[:, t].any():  # after a gap the scatter is compared with nothing before it
+            sums = replace(sums, before=np.where(astray[:, t], np.nan, sums.before))
+        sums = added(spec.thresholds, sums, scores[:, :, t], use[:, t], forget[:, t])
+        climbs[:, :, :, t] = heights_of(spec.thresholds, sums)
+    scores[:, ~use] = np.nan
     return tuple(
-        Watch(
-            scores=scores[k],
-            climbs=climbs[:, k],
-            height=taken.height if variant == Variant() else climbs[:, k].max(axis=0),
-            slow=slow[k],
-            walk=taken.walk,
-            walker=taken.walker,
-            strayed=taken.strayed,
-            alone=alone,
+        tuple(
+            Watch(
+                scores=scores[k, r, : item.count],
+                climbs=climbs[:, k, r, : item.count],
+                height=item.height if variant == Variant() else climbs[:, k, r, : item.count].max(axis=0),
+                slow=slow[k, r, : item.count],
+                walk=item.walk,
+                walker=item.walker,
+                strayed=item.strayed,
+                alone=alone[r, : item.count],
+            )
+            for k, variant in enumerate(variants)
         )
-        for k, variant in enumerate(variants)
+        for r, item in enumerate(taken)
     )
 
 
@@ -181,10 +193,8 @@ def _filtered(core: Core, taken: Taken, variant: Variant) -> tuple[FloatArray, F
     if not any(item.alarms for item in spec.slow_errors):  # no need to stop at each sample
         found = core.advance(lane, rows)[1][:, :, 0]
     else:
-        found = np.zeros((len(rows), 2 * n_y))
-        for t in range(len(rows)):
-            lane, innovations = core.advance(lane, rows[t : t + 1])
-            slow[t], found[t] = lane[spec.slow_slice, 0] / sizes, innovations[0, : 2 * n_y, 0]
+        errors, found = core.course(lane, rows, spec.slow_slice)
+        slow = errors / sizes
     return found[:, :n_y] / np.sqrt(found[:, n_y : 2 * n_y]), slow
 
 

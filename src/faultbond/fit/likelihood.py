@@ -2,7 +2,8 @@
 
 The same extended Kalman filter as that of the engine, but for states, slow errors and input noise alone: parameters
 and sizes of noise are given. Each lane carries a direction in which the unknowns move, and how everything follows it:
-exact derivatives (forward automatic differentiation), one direction a lane, eight lanes at a time.
+exact derivatives (forward automatic differentiation), one direction a lane, eight lanes at a time. The filter itself is
+the same for all, and runs once.
 
 Source: Ljung, System Identification, 2nd ed. 1999, sections 7.2 to 7.4 (prediction errors, maximum likelihood).
 """
@@ -10,22 +11,51 @@ Source: Ljung, System Identification, 2nd ed. 1999, sections 7.2 to 7.4 (predict
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.spec import Engine
 from faultbond.equations.step import StepModel
 
 _ANYWHERE = 1e3  # times the noise of a sensor: an sd that says nothing of what it reads
 
 
+class Advanced(NamedTuple):
+    """Where a likelihood stands after a block of samples, and what it saw at each of them; see `Likelihood.advance`."""
+
+    common: FloatArray
+    lanes: FloatArray
+    seen: FloatArray
+    innovations: FloatArray
+
+
+class Likelihood(Protocol):
+    """Runs `build_likelihood` over samples. Pure: the arguments are not changed."""
+
+    def advance(self, common: FloatArray, lanes: FloatArray, samples: FloatArray) -> Advanced:
+        """Filter over a block of samples.
+
+        Parameters
+        ----------
+        common : float array, shape (n_common,)
+        lanes : float array, shape (n_numbers, n_lanes)
+        samples : float array, shape (n_samples, n_sample); layout `Layout.sample_fields`, SI
+
+        Returns
+        -------
+        common, lanes : as the arguments
+        seen : float array, shape (n_samples, n_seen)
+        innovations : float array, shape (n_samples, n_innovations, n_lanes)
+        """
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """How the numbers of a lane and of a sample lie.
+    """How the numbers of a filter, of a direction and of a sample lie.
 
-    A lane: filter mean and packed covariance, q, implicit signals, then the direction of mean, covariance and q.
+    A filter: mean and packed covariance, q, implicit signals. A direction: that of mean, covariance and q.
     q: factors of the parameters, logarithms of the noise sd of sensors, slow errors and noisy inputs, and of the
     memories of slow errors, s.
     """
@@ -103,11 +133,11 @@ def layout_of(model: StepModel) -> Layout:
 
 
 def build_likelihood(model: StepModel, *, slopes: bool = True) -> ca.Function:
-    """Give (lane, sample) -> (lane, innovations) of one sample.
+    """Give (common, lane, sample) -> (common, seen, lane, innovations) of one sample.
 
-    innovations: for each sensor the difference between the measured value and what the past and the sensors before it
-    predict, then the variances of these, then the derivatives of both along the lane's direction; SI. Without `slopes`
-    a lane has no direction, and there are no derivatives: a third of the work.
+    seen: for each sensor the difference between the measured value and what the past and the sensors before it predict,
+    then the variances of these; SI. A lane is a direction, and its innovations are the derivatives of both along it.
+    Without `slopes` nothing is common: each lane is a filter of its own, and its innovations are what is seen.
     """
     size = layout_of(model)
     sample = ca.SX.sym("sample", size.n_sample)
@@ -117,14 +147,14 @@ def build_likelihood(model: StepModel, *, slopes: bool = True) -> ca.Function:
     direction = ca.SX.sym("direction", moving.numel())
     known = _Known()
     following, seen, solved = _sample(model, size, moving, implicit, fields, known)
-    n_f = size.n_filter
+    n_f, none = size.n_filter, ca.SX(0, 1)
+    before, after = ca.vertcat(moving, implicit), ca.vertcat(following, moving[n_f:], solved)
     if not slopes:
-        whole = known.in_full(ca.vertcat(following, moving[n_f:], solved), seen)
-        return _function(ca.vertcat(moving, implicit), sample, *whole)
+        after, seen = known.in_full(after, seen)
+        return _function([none, before, sample], [none, none, after, seen])
     change = known.along(ca.vertcat(following, seen), moving, direction)
-    lane = ca.vertcat(moving, implicit, direction)
-    after = ca.vertcat(following, moving[n_f:], solved, change[:n_f], direction[n_f:])
-    return _function(lane, sample, *known.in_full(after, ca.vertcat(seen, change[n_f:])))
+    ends = known.in_full(after, seen, ca.vertcat(change[:n_f], direction[n_f:]), change[n_f:])
+    return _function([before, direction, sample], ends)
 
 
 class _Known:
@@ -168,13 +198,13 @@ def _where(counts: ca.SX, values: ca.SX) -> ca.SX:
     return ca.vertcat(*(ca.if_else(counts, values[k], 0) for k in range(values.numel()))) if values.numel() else values
 
 
-def _function(lane: ca.SX, sample: ca.SX, after: ca.SX, innovations: ca.SX) -> ca.Function:
+def _function(arguments: list[ca.SX], results: list[ca.SX]) -> ca.Function:
     return ca.Function(
         "filter_step",
-        [lane, sample],
-        [ca.densify(after), ca.densify(innovations)],
-        ["lane", "sample"],
-        ["lane_next", "innovations"],
+        arguments,
+        [ca.densify(item) for item in results],
+        ["common", "lane", "sample"],
+        ["common_next", "seen", "lane_next", "innovations"],
         {"cse": True},
     )
 
@@ -339,17 +369,12 @@ _LEAST = 1e-150  # a size of noise whose square is still a number
 
 
 class Padded:
-    """An engine that takes samples of a plant with fewer slow errors: nothing is added to those behind."""
+    """A likelihood that takes samples of a plant with fewer slow errors: nothing is added to those behind."""
 
-    def __init__(self, engine: Engine, n_sample: int) -> None:
+    def __init__(self, engine: Likelihood, n_sample: int) -> None:
         self.engine, self.n_sample = engine, n_sample
 
-    @property
-    def title(self) -> str:
-        """What it is, for messages."""
-        return self.engine.title
-
-    def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Filter lanes (n_lanes, n_numbers) over samples (n_samples, n) of fewer columns; see `Engine.advance`."""
+    def advance(self, common: FloatArray, lanes: FloatArray, samples: FloatArray) -> Advanced:
+        """Filter over samples (n_samples, n) of fewer columns; see `Likelihood.advance`."""
         missing = self.n_sample - samples.shape[1]
-        return self.engine.advance(lanes, np.pad(samples, ((0, 0), (0, missing))) if missing else samples)
+        return self.engine.advance(common, lanes, np.pad(samples, ((0, 0), (0, missing))) if missing else samples)

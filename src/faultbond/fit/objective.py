@@ -7,13 +7,13 @@ import casadi as ca
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.contract.spec import Engine
-from faultbond.fit.likelihood import Layout
+from faultbond.fit.likelihood import Layout, Likelihood
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.unknowns import Unknowns
 
 BLOCK = 4096  # samples whose innovations are held at a time
 LOG_2_PI = float(np.log(2.0 * np.pi))
+NO_LANES = np.zeros((0, 0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,7 +27,7 @@ class FittedPlant:
 
     sensors: tuple[str, ...]
     layout: Layout
-    engine: Engine
+    engine: Likelihood
     begin: ca.Function
     base: FloatArray
     implicit: FloatArray
@@ -110,20 +110,25 @@ def likelihood_value(plant: FittedPlant, records: Sequence[HealthyRecording], po
     """Give the logarithm of the likelihood of all recordings alone; -inf where the plant has no finite course."""
     value = 0.0
     for r, record in enumerate(records):
-        lane = _lanes(plant, point, r)[:, :1]
+        common, _ = _begun(plant, point, r)
         with np.errstate(all="ignore"):
             for first in range(0, len(record.time), BLOCK):
                 part = slice(first, first + BLOCK)
-                lane, found = plant.engine.advance(lane, record.samples[part])
-                value += _value_of(found, record.use[part], plant.layout.n_y)
+                common, _, seen, _ = plant.engine.advance(common, NO_LANES, record.samples[part])
+                value += _value_of(*_seen(seen, record.use[part]), record.use[part])
         if not np.isfinite(value):
             return -np.inf
     return value
 
 
-def _value_of(found: FloatArray, use: BoolArray, n_y: int) -> float:
+def _seen(seen: FloatArray, use: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Give innovations and variances of a block, (n, n_outputs) each; 0 and 1 where they do not count."""
+    e, s = np.split(seen, 2, axis=1)
+    return np.where(use, e, 0.0), np.where(use, s, 1.0)
+
+
+def _value_of(e: FloatArray, s: FloatArray, use: BoolArray) -> float:
     """Give what innovations, and their variances, of a block say."""
-    e, s = np.where(use, found[:, :n_y, 0], 0.0), np.where(use, found[:, n_y : 2 * n_y, 0], 1.0)
     return -0.5 * float(np.where(use, e**2 / s + np.log(s) + LOG_2_PI, 0.0).sum()) if np.all(s > 0.0) else -np.inf
 
 
@@ -134,42 +139,43 @@ def score_recording(plant: FittedPlant, record: HealthyRecording, point: FitPoin
 
 def follow_alone(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int) -> FloatArray:
     """Give what the plant shows under the inputs of one recording alone, (N, n_outputs), SI; nan: it has no value."""
-    lanes, place = _lanes(plant, point, number), plant.layout.sample_fields
+    (common, _), place = _begun(plant, point, number), plant.layout.sample_fields
     samples, found = record.samples.copy(), np.full(record.use.shape, np.nan)
     samples[:, place["use"]] = 0.0
     with np.errstate(all="ignore"):
         for first in range(0, len(samples), BLOCK):
             part = slice(first, first + BLOCK)
-            lanes, seen = plant.engine.advance(lanes, samples[part])
-            found[part] = samples[part][:, place["y"]] - seen[:, : plant.layout.n_y, 0]
+            common, _, seen, _ = plant.engine.advance(common, NO_LANES, samples[part])
+            found[part] = samples[part][:, place["y"]] - seen[:, : plant.layout.n_y]
     return found
 
 
 def _run(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int, *, keep: bool) -> Scored:
     """Run one recording; with `keep` the scores of each sample are kept, else their sums over some."""
-    lanes, n_y = _lanes(plant, point, number), plant.layout.n_y
+    (common, lanes), n_y = _begun(plant, point, number), plant.layout.n_y
     count = lanes.shape[1]
     information, value = np.zeros((count, count)), 0.0
     scores, errors, variances = [np.zeros((0, count))], [np.zeros((0, n_y))], [np.zeros((0, n_y))]
     with np.errstate(all="ignore"):
         for first in range(0, len(record.time), BLOCK):
             part = slice(first, first + BLOCK)
-            lanes, found = plant.engine.advance(lanes, record.samples[part])  # one direction a lane
-            use = record.use[part][:, :, None]
-            e, s = np.where(use, found[:, :n_y, :1], 0.0), np.where(use, found[:, n_y : 2 * n_y, :1], 1.0)
-            e_by, s_by = (np.where(use, item, 0.0) for item in np.split(found[:, 2 * n_y :], 2, axis=1))
-            value += _value_of(found, record.use[part], n_y)
+            use = record.use[part]
+            common, lanes, seen, slopes = plant.engine.advance(common, lanes, record.samples[part])
+            e, s = _seen(seen, use)
+            value += _value_of(e, s, use)
             if not np.isfinite(value):
                 value = -np.inf
                 break
-            by_e, by_s = (e_by / np.sqrt(s)).reshape(-1, count), (s_by / s).reshape(-1, count)
+            if keep:
+                errors.append(np.where(use, e, np.nan))
+                variances.append(np.where(use, s, np.nan))
+            e, s, use = e[:, :, None], s[:, :, None], use[:, :, None]
+            e_by, s_by = (np.where(use, item, 0.0) for item in np.split(slopes, 2, axis=1))
+            by_e, by_s = (item.reshape(e.size, count) for item in (e_by / np.sqrt(s), s_by / s))
             information += by_e.T @ by_e + 0.5 * by_s.T @ by_s
             ratio = e / s
             score = (-ratio * e_by + 0.5 * (ratio**2 - 1.0 / s) * s_by).sum(axis=1)
             scores.append(score if keep else score.sum(axis=0, keepdims=True))
-            if keep:
-                errors.append(np.where(use, e, np.nan)[:, :, 0])
-                variances.append(np.where(use, s, np.nan)[:, :, 0])
     return Scored(
         innovations=np.concatenate(errors),
         variances=np.concatenate(variances),
@@ -179,8 +185,8 @@ def _run(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: 
     )
 
 
-def _lanes(plant: FittedPlant, point: FitPoint, number: int) -> FloatArray:
-    """Give lanes (n_numbers, n) at the begin of a recording, one for each unknown and each free start."""
+def _begun(plant: FittedPlant, point: FitPoint, number: int) -> tuple[FloatArray, FloatArray]:
+    """Give the filter at the begin of a recording, and directions (n_numbers, n): each unknown and each free start."""
     layout, unknowns = plant.layout, plant.unknowns
     q, slopes = unknowns.fill(plant.base, point.values)
     start = np.zeros(layout.n_x)
@@ -189,11 +195,10 @@ def _lanes(plant: FittedPlant, point: FitPoint, number: int) -> FloatArray:
     own = [place for place, _ in plant.own]
     q[own] = point.starts[number, n_free:]
     begin, by_q, by_start = (item.full() for item in plant.begin(q, start))
-    count = max(n + n_own, 1)
+    count = n + n_own
     along = np.zeros((layout.n_q, count))
     along[unknowns.places, np.arange(n)] = slopes
-    along[own, np.arange(n + n_free, n + n_own)] = point.sizes[number, n_free:]
+    along[own, np.arange(n + n_free, count)] = point.sizes[number, n_free:]
     moved = by_q @ along
     moved[:, n : n + n_free] += by_start[:, list(plant.free)] * point.sizes[number, :n_free]
-    held = np.concatenate([begin[:, 0], q, plant.implicit])
-    return np.concatenate([np.repeat(held[:, None], count, axis=1), moved, along])
+    return np.concatenate([begin[:, 0], q, plant.implicit]), np.concatenate([moved, along])

@@ -20,7 +20,6 @@ from typing import Protocol
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.spec import Engine
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
 from faultbond.errors import StructureError
@@ -43,7 +42,7 @@ from faultbond.fit.imperfections import (
     with_imperfections,
     without_lag,
 )
-from faultbond.fit.likelihood import Padded, build_begin, known_starts, layout_of, nominal_q
+from faultbond.fit.likelihood import Likelihood, Padded, build_begin, known_starts, layout_of, nominal_q
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.stray import INSIDE
@@ -85,7 +84,7 @@ Tell = Callable[[str], None]
 class Build(Protocol):
     """Gives what runs the likelihood of a plant, perhaps without its slopes."""
 
-    def __call__(self, model: StepModel, /, *, slopes: bool = True) -> Engine:
+    def __call__(self, model: StepModel, /, *, slopes: bool = True) -> Likelihood:
         """Give it; without its slopes a lane has no direction."""
 
 
@@ -380,7 +379,7 @@ class Search:
 class _Ground:
     """A plant in which some imperfections are open, as the likelihood takes it."""
 
-    def __init__(self, search: Search, graph: BondGraph, model: StepModel, engine: Engine, *, slopes: bool) -> None:
+    def __init__(self, search: Search, graph: BondGraph, model: StepModel, engine: Likelihood, *, slopes: bool) -> None:
         self.search, self.graph, self.model, self.engine, self.slopes = search, graph, model, engine, slopes
         self.layout = layout_of(model)
         self.begin, known = build_begin(model), known_starts(model)

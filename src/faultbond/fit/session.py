@@ -6,11 +6,10 @@ import numpy as np
 
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.samples import Sample
-from faultbond.contract.spec import Engine
 from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError
 from faultbond.fit.ascent import START_PRIOR
-from faultbond.fit.likelihood import build_begin, known_starts, layout_of, nominal_q
+from faultbond.fit.likelihood import Likelihood, build_begin, known_starts, layout_of, nominal_q
 from faultbond.fit.objective import FitPoint, FittedPlant
 from faultbond.fit.samples import HealthyRecording, healthy_recording, judged_parts
 from faultbond.fit.unknowns import unknowns_of
@@ -54,7 +53,7 @@ def free_parameters(
 
 def build_fit(
     model: StepModel,
-    likelihood: Engine,
+    likelihood: Likelihood,
     core: Core,
     recordings: Sequence[tuple[str, Sequence[Sample]]],
     parameters: tuple[tuple[int, Parameter], ...],

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.fit.false_alarms import SENSOR, Rate, alarm_rates, between_alarms
 from faultbond.fit.hints import Late, late_sensors, mirrored_sensors
 from faultbond.fit.innovations import Variant, Watch, take_recording, watch_recording, watch_taken
@@ -112,7 +113,7 @@ def on_trial(
     none = {"accuracy": not spec.parameters, "noise": False, "slow": not spec.slow_errors}
     tried = {(kind, factor): Variant(**{kind: factor}) for kind in KINDS if not none[kind] for factor in factors}
     variants = list(dict.fromkeys([Variant(), *tried.values()]))
-    seen = list(zip(*(watch_recording(core, item, variants) for item in records), strict=True))
+    seen = list(zip(*watch_taken(core, [take_recording(core, item) for item in records], variants), strict=True))
     found = {variant: alarm_rates(spec, watches, step) for variant, watches in zip(variants, seen, strict=True)}
     trials = []
     for (kind, factor), variant in tried.items():
@@ -120,7 +121,6 @@ def on_trial(
         peak = max((item.peak for item in statistics), default=0.0)
         trials.append(DeclarationTrial(kind=kind, factor=factor, peak=peak, between=between_alarms(statistics)))
     farthest = max(seen[0], key=lambda item: item.walk)
-    strayed = np.max([item.strayed for item in seen[0]], axis=0)
     return Health(
         promise=promise,
         step=step,
@@ -132,10 +132,20 @@ def on_trial(
         trials=tuple(trials),
         walk=farthest.walk,
         walker=spec.parameters[farthest.walker].name if farthest.walker >= 0 else "",
-        strayed={item.name: x for item, x in zip(spec.parameters, strayed.tolist(), strict=True) if x > 0.0},
+        strayed=_strayed(core, [item.strayed for item in seen[0]]),
         late=late_sensors(spec, records, seen[0]),
         mirrored=mirrored_sensors(spec, records, seen[0]),
     )
+
+
+def strayed_on(core: Core, records: Sequence[HealthyRecording]) -> dict[str, float]:
+    """Give how far parameters stray from where they start, as `Health.strayed`, for a quarter of what a trial costs."""
+    return _strayed(core, [take_recording(core, item).strayed for item in records])
+
+
+def _strayed(core: Core, seen: Sequence[FloatArray]) -> dict[str, float]:
+    most = np.max(seen, axis=0).tolist()
+    return {item.name: x for item, x in zip(core.spec.parameters, most, strict=True) if x > 0.0}
 
 
 def stays_below(core: Core, records: Sequence[HealthyRecording], most: float) -> bool:
@@ -180,7 +190,7 @@ def enough(core: Core, records: Sequence[HealthyRecording], promise: float, most
     step, taken = _step(records), [take_recording(core, item) for item in records]
 
     def rates(variant: Variant) -> tuple[Rate, ...]:
-        seen = [watch_taken(core, item, (variant,))[0] for item in taken]
+        seen = [item for (item,) in watch_taken(core, taken, (variant,))]
         return alarm_rates(core.spec, seen, step)
 
     def keeps(found: tuple[Rate, ...]) -> bool:

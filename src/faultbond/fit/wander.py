@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.spec import Engine
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
 from faultbond.fit.ascent import ascend, spread_noise
@@ -19,7 +18,7 @@ from faultbond.fit.certainty import inverse_of
 from faultbond.fit.evidence import likelihoods
 from faultbond.fit.identification import Fit
 from faultbond.fit.imperfections import UNTRIED, Imperfection, Kind, memory_place, size_place, with_imperfections
-from faultbond.fit.likelihood import Layout, build_begin, layout_of
+from faultbond.fit.likelihood import Layout, Likelihood, build_begin, layout_of
 from faultbond.fit.objective import Scored
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.unknowns import unknowns_of
@@ -52,7 +51,7 @@ class Wander:
 
 
 def wanders_of(
-    graph: BondGraph, found: Fit, build: Callable[[StepModel], Engine], tell: Callable[[str], None]
+    graph: BondGraph, found: Fit, build: Callable[[StepModel], Likelihood], tell: Callable[[str], None]
 ) -> tuple[Wander, ...]:
     """Give the parameters that seem to wander, those first that explain most.
 
@@ -117,7 +116,7 @@ class _Ground:
     chosen: those that do, as found; q: (n_q,), see `Layout`; value: logarithm of the likelihood there.
     """
 
-    def __init__(self, graph: BondGraph, found: Fit, build: Callable[[StepModel], Engine]) -> None:
+    def __init__(self, graph: BondGraph, found: Fit, build: Callable[[StepModel], Likelihood]) -> None:
         model, old = build_step_model(build_plant(graph)), found.plant
         self.graph, self.layout, self.found = graph, layout_of(model), found
         times = [item.time for item in found.records]

@@ -214,6 +214,24 @@ class Core:
         call(padded, rows.shape[0], at(rows), at(numbers), at(innovations), at(self.work))
         return np.ascontiguousarray(numbers[:, :n]), innovations[:, :, :n]
 
+    def course(self, lane: FloatArray, samples: FloatArray, place: slice) -> tuple[FloatArray, FloatArray]:
+        """Filter a lane (n_numbers, 1) and give some of its numbers after each sample, besides its innovations.
+
+        Returns
+        -------
+        numbers : float array, shape (n_samples, n); those of the `place`
+        innovations : float array, shape (n_samples, 2 * n_outputs)
+        """
+        rows, n_y = np.ascontiguousarray(samples, dtype=np.float64), len(self.spec.outputs)
+        numbers, innovations = np.repeat(lane, LANES, axis=1), np.empty((len(rows), 2 * n_y, LANES))
+        found = np.empty((len(rows), place.stop - place.start))
+        call = self.library.fb_advance_wide if self.wide else self.library.fb_advance_plain
+        row, now, told, work = at(rows), at(numbers), at(innovations), at(self.work)
+        for t in range(len(rows)):
+            call(LANES, 1, row + t * rows.strides[0], now, told + t * innovations.strides[0], work)
+            found[t] = numbers[place, 0]
+        return found, innovations[:, :, 0]
+
 
 def _largest(spec: EngineSpec) -> int:
     """Give the size of the largest set of suspects."""

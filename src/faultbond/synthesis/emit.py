@@ -1,7 +1,8 @@
 """C text of a graph: one statement per operation, eight lanes at a time.
 
-Values that depend on the sample only stay scalars, the rest are vectors of eight doubles (GCC and Clang vector
-extension), so the same text runs eight hypotheses, or eight assets, per call.
+Values that no lane moves stay scalars, the rest are vectors of eight doubles (GCC and Clang vector extension), so the
+same text runs eight hypotheses, eight assets, or eight slopes, per call. In a filter the scalars are computed once for
+all lanes.
 """
 
 from collections.abc import Iterator, Mapping
@@ -13,7 +14,9 @@ import casadi as ca
 
 from faultbond.errors import GenerationError
 
-PART_LENGTH = 1500  # statements in one C function; compilers take far longer than in proportion for more
+# Statements in one C function: so many lie near the processor while several sets of lanes take them, and compilers take
+# far longer than in proportion for more.
+PART_LENGTH = 200
 
 _BINARY = {"OP_ADD": "+", "OP_SUB": "-", "OP_MUL": "*", "OP_DIV": "/"}
 _FUNCTIONS = {  # operations that are a call in C, for scalars and (with v_) for vectors
@@ -43,25 +46,37 @@ _NAMES = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
 
 
 def emit_filter(function: ca.Function, template: str) -> str:
-    """Give the C source of a filter function (lane, sample) -> (lane, innovations).
+    """Give the C source of a filter function (common, lane, sample) -> (common, seen, lane, innovations).
+
+    The first two results are of what lanes have in common, and must not depend on them: they are computed once.
 
     Raises
     ------
     GenerationError
         Where the graph holds an operation that has no C form here.
     """
-    parts, n_kept = _parts(
-        list(statements(function, {"lane": True, "sample": False}, {"next": True, "innovation": True}))
-    )
-    calls = "\n".join(f"    part_{k}(lane, sample, next, innovation, kept);" for k in range(len(parts)))
+    inputs = {"common": False, "lane": True, "sample": False}
+    outputs = {"after": False, "seen": False, "next": True, "innovation": True}
+    found = list(statements(function, inputs, outputs))
+    once, each = (_chunks([item for item in found if item.wide is wide]) for wide in (False, True))
+    places = _places([*once, *each])
     return Template(template).substitute(
         lanes=core_files("port.h", "lanes.h", "maths.h"),
-        n_numbers=function.numel_in(0),
-        n_sample=function.numel_in(1),
-        n_innovations=function.numel_out(1),
-        n_kept=max(n_kept, 1),
-        parts="\n".join(_part(k, statements) for k, statements in enumerate(parts)),
-        calls=calls,
+        n_common=function.numel_in(0),
+        n_numbers=function.numel_in(1),
+        n_sample=function.numel_in(2),
+        n_seen=function.numel_out(1),
+        n_innovations=function.numel_out(3),
+        n_kept=sum(text.startswith("kept") for text in places.values()),
+        n_passed=sum(text.startswith("passed") for text in places.values()),
+        parts="\n".join(
+            (
+                *(_part(f"COMMON_PART(common_{k})", chunk, places) for k, chunk in enumerate(once)),
+                *(_part(f"LANE_PART(lane_{k})", chunk, places) for k, chunk in enumerate(each)),
+            )
+        ),
+        common_calls="\n".join(f"            TAKE_COMMON(common_{k})" for k in range(len(once))),
+        lane_calls="\n".join(f"            TAKE_LANES(lane_{k})" for k in range(len(each))),
     )
 
 
@@ -118,7 +133,7 @@ def statements(function: ca.Function, inputs: Mapping[str, bool], outputs: Mappi
             name = value[operands[0]]
             result, wide = results_of[results[0]]
             text = name if vector[name] or not wide else f"broadcast({name})"
-            yield Statement(None, True, (name,), f"{result}[{results[1]}] = {text};")
+            yield Statement(None, wide, (name,), f"{result}[{results[1]}] = {text};")
         elif operation == "OP_ASSIGN":
             value[results[0]] = value[operands[0]]
         else:
@@ -129,48 +144,38 @@ def statements(function: ca.Function, inputs: Mapping[str, bool], outputs: Mappi
             value[results[0]], vector[name] = name, wide
 
 
-def _parts(statements: list[Statement]) -> tuple[list[list[str]], int]:
-    """Cut the statements in functions that compilers handle in linear time; give them, and how many values pass on."""
-    home = {item.defines: k // PART_LENGTH for k, item in enumerate(statements) if item.defines}
-    wide = {item.defines: item.wide for item in statements if item.defines}
-    crossing = {
-        name: None
-        for k, item in enumerate(statements)
-        for name in item.uses
-        if home.get(name, k // PART_LENGTH) != k // PART_LENGTH
-    }
-    place = {name: k for k, name in enumerate(crossing)}
-    parts = []
-    for first in range(0, len(statements), PART_LENGTH):
-        chunk = statements[first : first + PART_LENGTH]
-        used = dict.fromkeys(name for item in chunk for name in item.uses)
-        fetched = [name for name in used if name in place and home[name] != first // PART_LENGTH]
-        kept = [item.defines for item in chunk if item.defines in place]
-        parts.append(
-            [
-                *(
-                    _definition(name, wide[name], f"kept[{place[name]}]{'' if wide[name] else '[0]'}")
-                    for name in fetched
-                ),
-                *(item.line for item in chunk),
-                *(f"kept[{place[name]}] = {name if wide[name] else f'broadcast({name})'};" for name in kept if name),
-            ]
-        )
-    return parts, len(place)
+def _chunks(found: list[Statement]) -> list[list[Statement]]:
+    """Cut statements in as many as compilers handle in linear time."""
+    return [found[first : first + PART_LENGTH] for first in range(0, len(found), PART_LENGTH)]
+
+
+def _places(chunks: list[list[Statement]]) -> dict[str, str]:
+    """Give where values are held that chunks take from earlier ones, as C: scalars are kept, lanes passed."""
+    home = {item.defines: (k, item.wide) for k, chunk in enumerate(chunks) for item in chunk if item.defines}
+    crossing = dict.fromkeys(
+        name for k, chunk in enumerate(chunks) for item in chunk for name in item.uses if home.get(name, (k,))[0] != k
+    )
+    found: dict[str, str] = {}
+    for wide, array in ((False, "kept"), (True, "passed")):
+        found |= {name: f"{array}[{k}]" for k, name in enumerate(name for name in crossing if home[name][1] is wide)}
+    return found
+
+
+def _part(head: str, chunk: list[Statement], places: dict[str, str]) -> str:
+    """Give a chunk of statements as a C function."""
+    own = {item.defines: None for item in chunk if item.defines}
+    fetched = dict.fromkeys(name for item in chunk for name in item.uses if name in places and name not in own)
+    lines = [
+        *(_definition(name, places[name].startswith("passed"), places[name]) for name in fetched),
+        *(item.line for item in chunk),
+        *(f"{places[name]} = {name};" for name in own if name in places),
+    ]
+    body = "\n".join(f"    {line}" for line in lines)
+    return f"{head}\n{{\n{body}\n}}\n"
 
 
 def _definition(name: str, wide: bool, text: str) -> str:
     return f"const {'lanes' if wide else 'double'} {name} = {text};"
-
-
-def _part(number: int, lines: list[str]) -> str:
-    body = "\n".join(f"    {line}" for line in lines)
-    return f"""static void part_{number}(const lanes *restrict lane, const double *restrict sample,
-                   lanes *restrict next, lanes *restrict innovation, lanes *restrict kept)
-{{
-{body}
-}}
-"""
 
 
 def _term(operation: str, arguments: list[str], vector: dict[str, bool], wide: bool) -> str:

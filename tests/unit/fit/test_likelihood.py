@@ -8,6 +8,7 @@ import pytest
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.contract.samples import Sample
 from faultbond.errors import ModelError, RecordingError
+from faultbond.fit.evidence import all_known
 from faultbond.fit.objective import FitPoint, FittedPlant, evaluate_likelihood, likelihood_value, score_recording
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.session import build_fit, free_parameters
@@ -116,6 +117,15 @@ def test_the_height_alone_is_that_with_slopes() -> None:
     assert likelihood_value(plant, records, begin) == evaluate_likelihood(plant, records, begin).value
     away = replace(begin, values=np.full_like(begin.values, np.nan))
     assert likelihood_value(plant, records, away) == -np.inf
+
+
+def test_where_nothing_is_sought_there_is_the_value_alone() -> None:
+    """A plant of which all is known, also where it starts, has the same likelihood, and nothing to climb along."""
+    plant, records, begin = prepared(RC, recording())
+    known = all_known(plant, plant.unknowns.fill(plant.base, begin.values)[0])
+    found = evaluate_likelihood(known, records, replace(begin, values=np.zeros(0)))
+    assert found.value == evaluate_likelihood(plant, records, begin).value
+    assert found.score.shape == (0,)
 
 
 def test_scores_of_samples_add_up() -> None:

@@ -13,7 +13,7 @@ from faultbond.equations.plant import build_plant
 from faultbond.fit.certainty import long_run_variance
 from faultbond.fit.cusum import LAGS, added, no_sums
 from faultbond.fit.false_alarms import alarm_rates, cusum_time, scatter_time
-from faultbond.fit.innovations import Variant, Watch, watch_recording
+from faultbond.fit.innovations import Variant, Watch, take_recording, watch_recording, watch_taken
 from faultbond.fit.samples import healthy_recording
 from faultbond.fit.trial import on_trial
 from faultbond.io.examples import example
@@ -86,6 +86,20 @@ def test_it_sees_what_an_input_was_while_the_monitor_waited() -> None:
         if k > 108:
             score = (point.y - report.expected) / np.sqrt(report.variance)
             assert seen.scores[k, judged] == pytest.approx(score[judged], rel=1e-6, abs=1e-6)
+
+
+def test_recordings_side_by_side_are_seen_as_each_alone() -> None:
+    """Of other lengths, one with a gap after which the scatter is compared with nothing before it."""
+    core, points = jumping(300.0, "10 mV", range(100, 108))
+    gap = [replace(item, u=np.full(2, np.nan), y=np.full(2, np.nan)) for item in points[60:75]]
+    read = (points, points[:50], [*points[:60], *gap, *points[75:140]])
+    taken = [take_recording(core, healthy_recording(str(k), item, core)) for k, item in enumerate(read)]
+    assert taken[2].astray.any()
+    variants = Variant(), Variant(noise=0.5)
+    for one, together in zip(taken, watch_taken(core, taken, variants), strict=True):
+        for alone, beside in zip(watch_taken(core, (one,), variants)[0], together, strict=True):
+            for name in ("scores", "climbs", "height", "slow", "alone"):
+                assert np.array_equal(getattr(alone, name), getattr(beside, name), equal_nan=True), name
 
 
 def test_as_declared_the_heights_are_those_of_the_monitor() -> None:

@@ -87,13 +87,15 @@ def test_text_depends_on_the_model() -> None:
 
 
 def graph_of(texts: tuple[str, ...], *, slopes: bool) -> ca.Function:
-    """A function (lane, sample) -> (lane, innovations) of expressions in x, y (of the lane) and s (of the sample)."""
-    lane, sample = ca.SX.sym("lane", 2), ca.SX.sym("sample", 1)
-    values = {"x": lane[0], "y": lane[1], "s": sample[0]}
+    """A filter function of expressions in x (common), y (of the lane) and s (of the sample); seen: those in x and s."""
+    common, lane, sample = ca.SX.sym("common", 1), ca.SX.sym("lane", 1), ca.SX.sym("sample", 1)
+    values = {"x": common[0], "y": lane[0], "s": sample[0]}
     found = ca.vertcat(*(evaluate(parse_expression(text), values) for text in texts))
     if slopes:
-        found = ca.vertcat(found, ca.vec(ca.jacobian(found, ca.vertcat(lane, sample))))
-    return ca.Function("filter_step", [lane, sample], [lane, ca.densify(found)], {"cse": True})
+        found = ca.vertcat(found, ca.vec(ca.jacobian(found, ca.vertcat(common, lane, sample))))
+    seen = ca.vertcat(*(item for item in ca.vertsplit(found) if not ca.depends_on(item, lane)))
+    results = [common / 2, ca.densify(seen), lane + common**2, ca.densify(found)]
+    return ca.Function("filter_step", [common, lane, sample], results, {"cse": True})
 
 
 def test_every_function_of_laws_is_tried_here() -> None:
@@ -107,21 +109,26 @@ def test_every_function_means_the_same_in_c(tmp_path: Path, monkeypatch: pytest.
     compiler = required_compiler()
     function = graph_of((*LAWS.values(), *ARITHMETIC), slopes=True)
     with loadable([compile_library(emit_filter(function, TEMPLATE), compiler)]) as (library,):
-        engine = load_likelihood(library, function.numel_out(1), compiler[0])
-    generator = np.random.default_rng(8)
-    lanes = np.array([generator.uniform(-1.4, 1.4, 11), generator.uniform(0.2, 3.0, 11)])
-    samples = np.array([[0.7], [2.0], [3.1]])
-    same, found = engine.advance(lanes, samples)
-    assert np.array_equal(same, lanes)
-    for t, sample in enumerate(samples):
-        for lane in range(lanes.shape[1]):
-            expected = function(lanes[:, lane], sample)[1].full()[:, 0]
-            assert found[t, :, lane] == pytest.approx(expected, rel=1e-12, abs=1e-13)
+        engine = load_likelihood(library, function)
+    for count in (11, 0, 43):  # lanes; more of them than are taken at once
+        common, lanes = np.array([-1.1]), np.random.default_rng(8).uniform(0.2, 2.0, (1, count))
+        samples = np.array([[0.7], [2.0], [3.1]])
+        after = engine.advance(common, lanes, samples)
+        for t, sample in enumerate(samples):
+            given = common
+            for lane in range(count):
+                _, _, moved, expected = (item.full()[:, 0] for item in function(given, lanes[:, lane], sample))
+                assert after.innovations[t, :, lane] == pytest.approx(expected, rel=1e-12, abs=1e-13)
+                lanes[:, lane] = moved
+            common, seen = (item.full()[:, 0] for item in function(given, 1.0, sample)[:2])
+            assert after.seen[t] == pytest.approx(seen, rel=1e-12, abs=1e-13)
+        assert after.common == pytest.approx(common, rel=1e-15)
+        assert np.array_equal(after.lanes, lanes)
 
 
 def test_operation_without_a_c_form_is_named() -> None:
     """An operation that has no C form is refused by its name, not written wrongly."""
-    lane, sample = ca.SX.sym("lane", 1), ca.SX.sym("sample", 1)
-    function = ca.Function("filter_step", [lane, sample], [lane, ca.atan2(lane, sample)])
+    none, lane, sample = ca.SX(0, 1), ca.SX.sym("lane", 1), ca.SX.sym("sample", 1)
+    function = ca.Function("filter_step", [none, lane, sample], [none, none, lane, ca.atan2(lane, sample)])
     with pytest.raises(GenerationError, match="no C form for OP_ATAN2"):
         emit_filter(function, TEMPLATE)
