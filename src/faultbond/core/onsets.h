@@ -76,7 +76,6 @@ static void begin_search(const Trail *trail, int64_t change, Search *search)
     uint8_t marks[DEPTH] = {0};
     mark(marks, trail, change, REQUIRED);
     mark_returns(marks, trail);
-    if (trail->from_start && trail->n > 1) marks[1] = 1 + REQUIRED;
     for (int k = 0; k < trail->n_bursts; k++)
         for (int64_t late = 0; late < 2; late++) mark(marks, trail, trail->bursts[k] - late, REQUIRED);
     if (size > LARGE_BANK) {

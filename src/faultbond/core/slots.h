@@ -13,7 +13,7 @@
 #include "onsets.h"
 
 #define SWITCHING (1.0 / 300.0) /* probability per sample that a fault that comes and goes does so */
-#define EARLY_SWITCHING 2.061153622438558e-9 /* the same, exp(-FROM_START), where faults are not sought */
+#define EARLY_SWITCHING 2.061153622438558e-9 /* the same where no onset is sought, exp(-20) */
 #define WALK 12                 /* steps in which the bias of an input comes up that takes a while to settle */
 #define RENEWED_KINDS 4         /* of an instrument: bias, drift, gain, stuck */
 #define N_PAIRS ((N_SLOT_LANES - SWITCHED) / 2)

@@ -6,7 +6,6 @@
 
 #define WILD 5.0         /* innovation in its sd that noise alone does not bring about */
 #define MOST_BURSTS 8
-#define FROM_START 20.0 /* nats that a fault has to gain by an onset before the first place that may be one */
 #define LOWEST (-1e300)  /* likelihood of a lane that is no number */
 
 /* The last samples and healthy lanes; a place counts from the oldest, 0, up to now, n - 1. */
@@ -14,8 +13,7 @@ typedef struct {
     const Past *past;
     int64_t oldest, n;     /* number of the oldest sample, and how many there are */
     int64_t alarm;         /* place of the alarm */
-    int64_t first;         /* earliest place that may be an onset but the first sample of the plant; 0: any */
-    int64_t from_start;    /* 1: it begins with that */
+    int64_t first;         /* earliest place that may be an onset; 0: any */
     const double *old;     /* the healthy lane as it stood long ago, before a slow drift taught it wrongly; NULL: not kept */
     int n_bursts;
     int64_t bursts[MOST_BURSTS]; /* places at which innovations became wild */
@@ -70,13 +68,11 @@ static void forget_slow_errors(double *lane)
 }
 
 /* Say from where on an onset is sought: after the warm-up, while a model is at its worst and a lane of any fault gains by that.
-   A fault that came earlier and showed has raised an alarm soon after, or without a sum; one that did not show begins as well later.
-   One that was there from the first sample may be learned for a while: that is an onset, but has to say much more than others. */
+   A fault that came earlier and showed has raised an alarm soon after, or without a sum; one that did not show begins as well later. */
 static void find_first(const Clock *clock, const Alarm *alarm, Trail *trail)
 {
     const int64_t warm = clock->begun + WARM_UP_SAMPLES - trail->oldest;
     trail->first = warm > 1 && !alarm->slow && trail->alarm >= warm + WARM_UP_SAMPLES ? warm : 1;
-    trail->from_start = trail->oldest == clock->begun;
 }
 
 /* Places at which innovations became wild up to the alarm, in order; the wildest if there are many. The first sample tells

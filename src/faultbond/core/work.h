@@ -309,18 +309,6 @@ static void open_group(State *state, const Trail *trail, BankMemory *memory)
     open_search(job, trail);
 }
 
-/* Whether the group, which is none of pairs, has slots. */
-static inline int is_wide(const Job *job) { return job->stage == SLOTS || job->stage == RAMPS || job->stage == COUPLES; }
-static inline int64_t numbers_of_group(const Job *job) { return is_wide(job) ? WIDE_NUMBERS : PLAIN_NUMBERS; }
-
-/* Let the lanes of the group, which begin with the plant, be as unlikely as that is. */
-static void lower(Job *job)
-{
-    const int64_t likelihood = numbers_of_group(job) - 1;
-    for (int l = 0; l < GROUP; l++) job->run[likelihood][l] -= FROM_START;
-    for (int l = 0; l < GROUP && job->stage == RAMPS; l++) job->stays[likelihood][l] -= FROM_START;
-}
-
 /* Begin the group at an onset. */
 static void begin_onset(State *state, const Trail *trail, int64_t k, BankMemory *memory, Filters *filters)
 {
@@ -337,10 +325,13 @@ static void begin_onset(State *state, const Trail *trail, int64_t k, BankMemory 
         starts_of_group(state, trail, memory->steps.starts);
         begin_steps(memory->steps.starts, trail, place, &state->normal, job->run, &memory->steps, &filters->plain);
     }
-    if (place < trail->first) lower(job);
     job->onset = k;
     job->next = job->oldest + place;
 }
+
+/* Whether the group, which is none of pairs, has slots. */
+static inline int is_wide(const Job *job) { return job->stage == SLOTS || job->stage == RAMPS || job->stage == COUPLES; }
+static inline int64_t numbers_of_group(const Job *job) { return is_wide(job) ? WIDE_NUMBERS : PLAIN_NUMBERS; }
 
 /* Whether lanes of the group are to begin a second time, from what they then know: a jump that is tied to its factor says much
    and is linearised. */

@@ -23,7 +23,10 @@ class CompiledLikelihood:
     n_innovations: int
 
     def advance(self, common: FloatArray, lanes: FloatArray, samples: FloatArray) -> Advanced:
-        """Filter over a block of samples; see `Likelihood.advance`."""
+        """Filter over a block of samples (n, n_sample); see `Likelihood.advance`.
+
+        common : shape (n_common,); lanes : shape (n_numbers, n_lanes)
+        """
         n, rows = lanes.shape[1], np.ascontiguousarray(samples, dtype=np.float64)
         padded = -(-n // _LANES) * _LANES
         numbers = np.empty((lanes.shape[0], padded))

@@ -23,7 +23,11 @@ _ANYWHERE = 1e3  # times the noise of a sensor: an sd that says nothing of what 
 
 
 class Advanced(NamedTuple):
-    """Where a likelihood stands after a block of samples, and what it saw at each of them; see `Likelihood.advance`."""
+    """Where a likelihood stands after a block of samples, and what it saw at each of them.
+
+    common : shape (n_common,); lanes : shape (n_numbers, n_lanes); seen : shape (n_samples, n_seen);
+    innovations : shape (n_samples, n_innovations, n_lanes)
+    """
 
     common: FloatArray
     lanes: FloatArray

@@ -33,10 +33,9 @@ static Past past;
 static Trail trail;
 static Search search;
 static PlainBlock group, best;
-int64_t t_search(int64_t lanes, int64_t n, int64_t alarm, int64_t change, int64_t first, int64_t from_start,
-                 int64_t *places, int64_t *standing)
+int64_t t_search(int64_t lanes, int64_t n, int64_t alarm, int64_t change, int64_t first, int64_t *places,
+                 int64_t *standing)
 {
-    trail.from_start = from_start;
     n_lanes = lanes;
     trail.n = n;
     trail.alarm = alarm;
@@ -58,7 +57,6 @@ int64_t t_first(int64_t begun, int64_t oldest, int64_t alarm, int64_t slow)
     find_first(&clock, &raised, &trail);
     return trail.first;
 }
-int64_t t_from_start(void) { return trail.from_start; }
 int64_t t_near(const int64_t *places, int64_t *standing)
 {
     begin_near(places, &search);
@@ -128,14 +126,12 @@ def library() -> ctypes.CDLL:
     return compiled(text + OF_ANY_SIZE + in_c(PLACES))
 
 
-def onsets(
-    alarm: int, change: int, bursts: tuple[int, ...] = (), lanes: int = 100, first: int = 0, *, from_start: bool = False
-) -> dict[int, int]:
+def onsets(alarm: int, change: int, bursts: tuple[int, ...] = (), lanes: int = 100, first: int = 0) -> dict[int, int]:
     """Onsets of a trail of 330 samples, from a first on, and what is to be done with each; lanes: of the bank."""
     places, standing, wild = np.zeros(400, dtype=np.int64), np.zeros(400, dtype=np.int64), np.zeros(330)
     wild[[*bursts]] = 9.0
     library().t_bursts(at(wild), ctypes.c_int64(330), at(places))
-    numbers = (ctypes.c_int64(item) for item in (lanes, 330, alarm, change, first, from_start))
+    numbers = (ctypes.c_int64(item) for item in (lanes, 330, alarm, change, first))
     n = library().t_search(*numbers, at(places), at(standing))
     return dict(zip(places[:n].tolist(), standing[:n].tolist(), strict=True))
 
@@ -165,12 +161,10 @@ def test_no_onset_lies_in_the_warm_up() -> None:
         (7, 7 + warm, 7 + 5 * warm, 0, 1),
     ):
         assert library().t_first(*map(ctypes.c_int64, (begun, oldest, alarm, slow))) == wanted
-        assert library().t_from_start() == (oldest == begun)
     whole, found = onsets(250, 240, bursts=(30,)), onsets(250, 240, bursts=(30,), first=100)
     assert min(found) == min(place for place in whole if place >= 100)
     assert set(found) <= set(whole)
     assert found[min(found)] == WANTED
-    assert onsets(250, 240, bursts=(30,), first=100, from_start=True) == {1: SURE} | found
 
 
 def test_onsets_are_dense_before_the_alarm_and_few_are_tried_first() -> None:

@@ -75,7 +75,6 @@ void t_set(int64_t n, const double *old, int64_t first)
     trail.n = n;
     trail.alarm = n - 3;
     trail.first = first;
-    trail.from_start = 0;
     state.clock.begun = first > 0 ? trail.oldest + first - WARM_UP_SAMPLES : 0;
     trail.old = NULL;
     state.alarm.old = -1;
@@ -113,18 +112,6 @@ void t_begin_at(int64_t onset, const double *peak, double *to)
         for (int64_t l = 0; l < GROUP && first + l < RAMPED; l++)
             for (int64_t i = 0; i < WIDE_NUMBERS; i++) to[i * RAMPED + first + l] = state.job.run[i][l];
     }
-}
-/* The likelihoods of the first group as the work begins it at a place. */
-void t_begin_group(int64_t place, const double *peak, double *to)
-{
-    Filters *filters = &work.filters;
-    state.job.kind = BEGINNING;
-    state.job.stage = SLOTS;
-    state.job.search.place[0] = place;
-    memcpy(state.job.peak, peak, sizeof state.job.peak);
-    for (int64_t l = 0; l < GROUP; l++) state.job.lane[l] = l;
-    begin_onset(&state, &trail, 0, &work.bank, filters);
-    for (int64_t l = 0; l < GROUP; l++) to[l] = state.job.run[WIDE_LIKELIHOOD][l];
 }
 void t_hand_on(int64_t number, double time) { hand_on(&state.bank, SWITCHED, 1, number, time, &work.bank.slots); }
 void t_advance(const double *packed, double *innovations, int64_t stride)
@@ -389,8 +376,8 @@ def test_lanes_begin_at_their_best_onset_and_pairs_at_the_oldest_sample(
     assert close(core.lanes()[:, SWITCHED:], now)
 
 
-def test_what_is_there_from_the_first_sample_has_to_gain_more(core: Core) -> None:
-    """While the plant warms up what begins, with its first sample or as one of a pair, is 20 nats less likely."""
+def test_what_comes_while_the_plant_warms_up_has_to_gain_more(core: Core) -> None:
+    """No lane begins then, and what comes or goes as one of a pair is 20 nats less likely."""
     of, first = trail(34), 8
     core.put(of, None, first=first)
     core.library.t_begin(ctypes.c_int64(20), at(PEAK))
@@ -401,13 +388,6 @@ def test_what_is_there_from_the_first_sample_has_to_gain_more(core: Core) -> Non
     for place in range(1, 34):
         now, _ = core.advanced(interacted(now, np.exp(-20.0) if place < first else 1.0 / 300.0), of[0][place, None])
     assert close(core.lanes()[:, SWITCHED:], now)
-    likelihoods = {}
-    for place, since in ((1, 0), (1, first), (first, first)):
-        core.put(of, None, first=since)
-        core.library.t_begin_group(ctypes.c_int64(place), at(PEAK), at(found := np.zeros(GROUP)))
-        likelihoods[place, since] = found
-    assert likelihoods[1, first] == pytest.approx(likelihoods[1, 0] - 20.0)
-    assert likelihoods[first, first] == pytest.approx(of[1][first - 1, -1])  # that of the healthy plant
 
 
 def test_lanes_go_on_and_pairs_are_judged_as_one(core: Core) -> None:

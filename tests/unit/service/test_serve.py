@@ -123,6 +123,7 @@ def test_a_disk_that_others_fill(tmp_path: Path) -> None:
             _, complained = process.communicate(timeout=LONGEST)
             assert "Traceback" not in complained
             assert complained.splitlines()[-1].startswith(f"{disk}/kept.sqlite: the disk is full")
+        fill(disk / "rest")  # what the service gave back as it ended
         with served(tmp_path, port, *source) as process:
             assert process.stderr is not None
             lines = iter(process.stderr.readline, "")
@@ -132,7 +133,7 @@ def test_a_disk_that_others_fill(tmp_path: Path) -> None:
         with served(tmp_path, port, *source) as process:
             assert process.stderr is not None
             assert "The service begins once it can be used" in process.stderr.readline()
-            for name in ("ballast", "more"):
+            for name in ("ballast", "more", "rest"):
                 (disk / name).unlink()
             until(port, lambda found: found["samples"] >= 2390 and not told(""))
             assert (disk / "kept.sqlite.reserve").stat().st_size == DEFAULT_SIZE
