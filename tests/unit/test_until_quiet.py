@@ -27,14 +27,14 @@ from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
 from faultbond.fit.innovations import Variant
 from faultbond.fit.quiet_search import WORTH, Search
 from faultbond.fit.samples import HealthyRecording, healthy_recording
-from faultbond.fit.trial import ROOM, enough, on_trial, stays_below
+from faultbond.fit.trial import ROOM, enough, on_trial, stays_below, strayed_on
 from faultbond.io.recording import write_recording
 from faultbond.model.amend import amended
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model, parse_model
 from faultbond.report.fit_result import Fitted
 from faultbond.report.health import health_record, where_lines
-from faultbond.report.quiet_result import _added_row, amended_text, raised_text
+from faultbond.report.quiet_result import _added_row, amended_text, raised_text, widened_text
 from faultbond.report.verdict import unexplained_sentence
 from faultbond.runtime.core import Core
 
@@ -574,6 +574,23 @@ def test_a_parameter_that_is_another_each_day_is_known_less_well(tmp_path: Path)
         now = {item.name: item.accuracy / item.nominal for item in wider.graph.parameters}
         assert now == {"R": pytest.approx(0.01 * wider.widened["R"], rel=0.1), "L": pytest.approx(0.05)}
         assert [item.noise for item in wider.graph.sensors] == [NOISE]
+
+
+@pytest.mark.parametrize("tied", ["", "correlations: {R: {L: 0.9}}\n"])
+def test_how_far_parameters_stray_costs_no_trial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tied: str) -> None:
+    """With wider accuracies it is asked of what is compiled, and told as by a trial of a core made for them alone."""
+    text = MODEL.replace("R: 3 ohm", "R: {nominal: 3.3 ohm, accuracy: 1 %}").replace("nominal: 2.5 H", "nominal: 2.2 H")
+    text = text.replace("50 mA", "20 mA") + tied
+    graph = parse_model(text, file="m.yaml")
+    monkeypatch.setenv("FAULTBOND_CACHE", str(tmp_path / "cache"))
+    first = build_watcher(graph)
+    days = [write(tmp_path / f"{k}.csv", seed=k, warm=1.0 + 0.03 * side) for k, side in enumerate((1, -1))]
+    records = [healthy_recording(day.name, read_points(graph, str(day)), first) for day in days]
+    wider = parse_model(widened_text(text, graph, {"R": 1.7}), file="m.yaml")
+    found = strayed_on(build_watcher(wider), records)
+    monkeypatch.setenv("FAULTBOND_CACHE", str(tmp_path / "empty"))
+    assert found == pytest.approx(on_trial(build_watcher(wider), records, factors=()).strayed, rel=1e-9)
+    assert found["R"] < 0.75 * strayed_on(first, records)["R"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -138,7 +138,7 @@ def take_recording(core: Core, record: HealthyRecording) -> Taken:
     spec, monitor, started = core.spec, Monitor(core, quiet=True), 0
     rows, known, astray, first = list[FloatArray](), list[bool](), list[bool](), 0
     height = np.zeros((len(record.points), len(spec.outputs)))
-    walk, walker, strayed, since_start = 0.0, -1, np.zeros(len(spec.parameters)), core_settings()["WALKS"]
+    walk, walker, strayed = 0.0, -1, np.zeros(len(spec.parameters))
     waits = int(core_settings()["PENDING"])  # samples for which rows may change, until it is known what an input was
     for number, point in enumerate(record.points):
         height[number] = np.nan_to_num(monitor.step(point).cusum)
@@ -152,9 +152,9 @@ def take_recording(core: Core, record: HealthyRecording) -> Taken:
         known += [monitor.knows_inputs] * new
         astray += [bool(monitor.numbers("healthy.astray").any())] * new
         if (walked := monitor.number("healthy.walk")) > 0.0:
-            window, who = divmod(int(monitor.number("healthy.walker")), len(spec.parameters))
+            who, from_start = _walker(monitor)
             walk, walker = (walked, who) if walked > walk else (walk, walker)
-            strayed[who] = max(strayed[who], walked) if window == since_start else strayed[who]
+            strayed[who] = max(strayed[who], walked) if from_start else strayed[who]
     if started:
         rows += [monitor.row(k)[0] for k in range(first + len(rows), len(record.points))]
     packed = np.array(rows).reshape(-1, spec.n_sample)
@@ -171,6 +171,23 @@ def take_recording(core: Core, record: HealthyRecording) -> Taken:
         walker=walker,
         strayed=strayed,
     )
+
+
+def strayed_in(core: Core, record: HealthyRecording) -> FloatArray:
+    """Give `Taken.strayed` alone, (n_parameters,), for a third of what it costs to take all of a recording."""
+    monitor, strayed = Monitor(core, quiet=True), np.zeros(len(core.spec.parameters))
+    for point in record.points:
+        monitor.push(point)
+        if (walked := monitor.number("healthy.walk")) > 0.0:
+            who, from_start = _walker(monitor)
+            strayed[who] = max(strayed[who], walked) if from_start else strayed[who]
+    return strayed
+
+
+def _walker(monitor: Monitor) -> tuple[int, bool]:
+    """Give which parameter walked farthest after the last sample, and whether that is from where it started."""
+    window, who = divmod(int(monitor.number("healthy.walker")), len(monitor.spec.parameters))
+    return who, window == core_settings()["WALKS"]
 
 
 def _filtered(core: Core, taken: Taken, variant: Variant) -> tuple[FloatArray, FloatArray]:

@@ -8,7 +8,7 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.fit.false_alarms import SENSOR, Rate, alarm_rates, between_alarms
 from faultbond.fit.hints import Late, late_sensors, mirrored_sensors
-from faultbond.fit.innovations import Variant, Watch, take_recording, watch_recording, watch_taken
+from faultbond.fit.innovations import Variant, Watch, strayed_in, take_recording, watch_recording, watch_taken
 from faultbond.fit.lack_of_fit import Moment, Region, moments, wrong_regions
 from faultbond.fit.samples import HealthyRecording
 from faultbond.runtime.core import Core
@@ -139,8 +139,8 @@ def on_trial(
 
 
 def strayed_on(core: Core, records: Sequence[HealthyRecording]) -> dict[str, float]:
-    """Give how far parameters stray from where they start, as `Health.strayed`, for a quarter of what a trial costs."""
-    return _strayed(core, [take_recording(core, item).strayed for item in records])
+    """Give how far parameters stray from where they start, as `Health.strayed`, for a tenth of what a trial costs."""
+    return _strayed(core, [strayed_in(core, item) for item in records])
 
 
 def _strayed(core: Core, seen: Sequence[FloatArray]) -> dict[str, float]:

@@ -22,7 +22,7 @@ from time import time
 from faultbond.errors import CacheError
 
 LIBRARY, PREPARED = ".so", ".plant"  # endings of compiled code, and of what else is known of a plant
-MOST_FILES = 2000  # to look at all of them takes some milliseconds; a plant has three
+MOST_FILES = 2000  # to look at all of them takes some milliseconds; a plant has five
 MOST_BYTES = 200_000_000
 _CHECKSUM = 32  # bytes at the end of a file
 _DRAFT = ".draft-"  # how names of what is not in its place begin

@@ -1,7 +1,9 @@
-"""The text of a model parted in two: what of it decides how the core is compiled, and what it then looks up.
+"""The text of a model parted: what of it decides how the core is compiled, and what it then looks up.
 
 All but the filters ask for tables only: how many entries these have is known when that is compiled, what stands in them
-when both are joined. So one compiled text serves all models that differ in numbers, as those that a fit tries.
+when both are joined. So one compiled text serves all models that differ in numbers, as those that a fit tries. The
+filters hold the laws, and of tables those of whole numbers, which say what there is to compute; so theirs serves all
+models that differ in accuracies, noise and slow errors only.
 """
 
 import re
@@ -15,6 +17,11 @@ _HEAD = "/* The tables of a model, compiled apart from what looks them up. */\n#
 def shape_of(model: str) -> str:
     """Give `model.h` for all but the filters: without laws, and with tables declared and not filled in."""
     return _TABLE.sub(lambda found: f"extern {_declared(found)};", _LAWS.sub("", model))
+
+
+def filters_of(model: str) -> str:
+    """Give `model.h` for the filters: with laws and tables of whole numbers, and others declared and not filled in."""
+    return _TABLE.sub(lambda found: found[0] if found[1].startswith("int ") else f"extern {_declared(found)};", model)
 
 
 def tables_of(model: str) -> str:

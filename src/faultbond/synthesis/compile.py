@@ -19,7 +19,7 @@ from types import MappingProxyType
 
 from faultbond.errors import GenerationError
 from faultbond.io.cache import LIBRARY, Library, read_kept, write_kept
-from faultbond.synthesis.apart import shape_of, tables_of
+from faultbond.synthesis.apart import filters_of, shape_of, tables_of
 
 # No sum is contracted, as in no program that is generated, which so gives the same digits: a lane that fits nowhere may
 # make much of a last digit. It costs one part in twenty of a bank's time; see docs/decisions/017-core-in-loops.md.
@@ -137,20 +137,24 @@ def compile_core(model: str, compiler: tuple[str, ...], *, fleets: bool = False)
         Where others may write the cache.
     """
     files = tuple(item.read_text(encoding="utf-8") for item in sorted(CORE.iterdir(), key=lambda item: item.name))
-    parts = {
-        "bank": ('#include "filters.c"\n', FAST),
-        "lane": ('#include "one.c"\n', FAST),
-        "tables": (tables_of(model), QUICK),
+    shape, filters = shape_of(model), filters_of(model)
+    rest = f'{FLEETS if fleets else ""}#define FB_APART\n#include "core.c"\n'
+    parts = {  # most of the text, which models share that differ in numbers, more or fewer of them
+        "rest": (shape, rest, QUICK),
+        "bank": (filters, '#include "filters.c"\n', FAST),
+        "lane": (filters, '#include "one.c"\n', FAST),
     }
     if fleets:
-        parts |= {"assets": ('#include "fleet.c"\n', FAST), "parts": ('#include "threads.c"\n', QUICK)}
-    rest, shape = f'{FLEETS if fleets else ""}#define FB_APART\n#include "core.c"\n', shape_of(model)
+        parts |= {"assets": (filters, '#include "fleet.c"\n', FAST), "parts": ("", '#include "threads.c"\n', QUICK)}
 
-    def compiled_rest() -> bytes:  # most of the text, the same for models that differ in numbers
-        return _kept(("rest", shape, rest, *files), compiler, partial(_compile_rest, shape, rest)).content
+    def compiled(name: str) -> bytes:
+        header, text, level = parts[name]
+        build = partial(_compile_text, header, text, level)
+        return _kept((name, header, text, *files), compiler, build).content
 
-    texts = (model, rest, *(text for text, _ in parts.values()), *files)
-    return _kept(texts, compiler, partial(_compile, {"model.h": model}, parts, others={"rest": compiled_rest}))
+    others = {name: partial(compiled, name) for name in parts}
+    texts = (model, *(text for _, text, _ in parts.values()), *files)
+    return _kept(texts, compiler, partial(_compile, {"tables": (tables_of(model), QUICK)}, others=others))
 
 
 def compile_library(source: str, compiler: tuple[str, ...]) -> Library:
@@ -164,7 +168,7 @@ def compile_library(source: str, compiler: tuple[str, ...]) -> Library:
         Where others may write the cache.
     """
     files = (item.read_text(encoding="utf-8") for item in sorted(CORE.iterdir(), key=lambda item: item.name))
-    return _kept((source, *files), compiler, partial(_compile, {}, {"source": (source, STRAIGHT)}))
+    return _kept((source, *files), compiler, partial(_compile, {"source": (source, STRAIGHT)}))
 
 
 def compile_anew(source: str, compiler: tuple[str, ...]) -> Library:
@@ -176,7 +180,7 @@ def compile_anew(source: str, compiler: tuple[str, ...]) -> Library:
         Where the compiler fails; carries its first message, and says what to install.
     """
     with tempfile.TemporaryDirectory() as work:
-        built = _compile({}, {"source": (source, QUICK)}, compiler, Path(work))
+        built = _compile({"source": (source, QUICK)}, compiler, Path(work))
         return Library(name=f"anew{LIBRARY}", content=built.read_bytes())
 
 
@@ -271,7 +275,6 @@ def _kept(texts: tuple[str, ...], compiler: tuple[str, ...], build: Callable[[tu
 
 
 def _compile(
-    headers: dict[str, str],
     parts: Mapping[str, tuple[str, tuple[str, ...]]],
     compiler: tuple[str, ...],
     work: Path,
@@ -282,7 +285,7 @@ def _compile(
 
     others : what gives parts that are compiled elsewhere
     """
-    _write(work, headers | {f"{name}.c": text for name, (text, _) in parts.items()})
+    _write(work, {f"{name}.c": text for name, (text, _) in parts.items()})
     with ThreadPoolExecutor() as pool:
         given = {name: pool.submit(give) for name, give in others.items()}
         found = [pool.submit(_compile_part, name, level, compiler, work) for name, (_, level) in parts.items()]
@@ -296,10 +299,10 @@ def _compile(
     return built
 
 
-def _compile_rest(header: str, text: str, compiler: tuple[str, ...], work: Path) -> Path:
-    """Give the path of what is the same for models of one shape, made in the folder `work`."""
-    _write(work, {"model.h": header, "rest.c": text})
-    return _compile_part("rest", QUICK, compiler, work)
+def _compile_text(header: str, text: str, level: tuple[str, ...], compiler: tuple[str, ...], work: Path) -> Path:
+    """Give the path of a compiled text of the core with its `model.h`, made in the folder `work`."""
+    _write(work, {"model.h": header, "text.c": text})
+    return _compile_part("text", level, compiler, work)
 
 
 def _compile_part(name: str, level: tuple[str, ...], compiler: tuple[str, ...], work: Path) -> Path:

@@ -1,9 +1,14 @@
 """The climb to the most probable values."""
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 
-from faultbond.fit.ascent import as_bent
+from faultbond.fit import ascent
+from faultbond.fit.ascent import as_bent, ascend
+from faultbond.fit.objective import Evaluation, FitPoint, FittedPlant
 
 
 def test_a_precision_bends_as_steps_have_seen() -> None:
@@ -27,3 +32,32 @@ def test_a_hill_that_bends_upwards_tells_nothing() -> None:
     for fell in (-step, 1e-3 * step, np.zeros(2)):
         assert np.array_equal(as_bent(precision, [(step, fell)]), precision)
     assert np.array_equal(as_bent(precision, [(np.zeros(2), np.zeros(2))]), precision)
+
+
+@pytest.mark.parametrize(
+    ("gains", "steps"),
+    [
+        ((1.0, 0.1, 0.1), 3),
+        ((0.1, 0.1), 2),
+        ((0.1, 1.0, 0.1, 1.0, 0.1, 0.1), 6),
+        ((0.3, 0.3, 0.3, 0.1, 0.3, 0.1, 0.1), 7),
+    ],
+)
+def test_a_climb_ends_after_two_steps_that_bring_nothing(
+    monkeypatch: pytest.MonkeyPatch, gains: tuple[float, ...], steps: int
+) -> None:
+    """On a fold, where the slope promises much and each step brings less than settles, two in a row are enough."""
+    heights = np.cumsum([0.0, *gains, *[1.0] * 20])
+    found = iter(heights)
+
+    def folded(*_: object) -> Evaluation:
+        return Evaluation(value=float(next(found)), score=np.ones(1), information=np.eye(1))
+
+    monkeypatch.setattr(ascent, "evaluate_likelihood", folded)
+    far, none = np.full(1, np.inf), np.zeros((1, 0))
+    unknowns = SimpleNamespace(n_theta=1, logarithmic=np.zeros(1, bool), nominal=np.zeros(1), lower=-far, upper=far)
+    plant = cast("FittedPlant", SimpleNamespace(unknowns=unknowns))
+    begin = FitPoint(values=np.zeros(1), starts=none, sizes=none)
+    summit = ascend(plant, (), begin, np.full(1, 1e9), turns=len(heights) - 1, settled=0.2)
+    assert (summit.steps, summit.settled) == (1 + steps, False)
+    assert summit.posterior == pytest.approx(heights[steps])

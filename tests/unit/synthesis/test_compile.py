@@ -29,9 +29,10 @@ RC = Path(__file__).parents[3] / "examples" / "rc" / "model.yaml"
 FAULT = Fault(parameter="C", factor=1.6, start=4.0)
 SOURCE = "int answer(void) { return 42; }\n"
 
-# Calls of a compiler for a library, and for a core: its texts, and what joins them; and what stays of a core.
-PIECES, PARTS = 2, 5
-KEPT = [".so", ".so"]  # the core, and what of it other models of its shape take
+# Calls of a compiler for a library, for a core, its texts and what joins them, and for tables alone; and what stays:
+# the core, and what of it other models take, of its shape the most, of its laws two texts of filters.
+PIECES, PARTS, TABLES = 2, 5, 2
+KEPT = [".so"] * 4
 
 needs_zig = pytest.mark.skipif(find_spec("ziglang") is None, reason="ziglang is not installed")
 
@@ -75,26 +76,30 @@ def test_second_build_uses_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_other_numbers_take_what_is_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a model with other numbers only filters and tables are compiled; a whole run is that of a core made for it.
+    """Of a model with other nominal values only filters and tables are compiled, with other accuracies and noise these.
 
-    One with another sensor is of another shape, and compiled as a whole.
+    A whole run is that of a core made for it. One with another sensor is of another shape, and compiled as a whole.
     """
     script, log = counting_compiler(tmp_path)
     monkeypatch.setenv("CC", str(script))
     text = RC.read_text(encoding="utf-8")
-    other = text.replace("10 kohm", "11 kohm").replace("noise: 0.1 V", "noise: 0.2 V").replace("3 %", "4 %")
+    wider = text.replace("noise: 0.1 V", "noise: 0.2 V").replace("3 %", "4 %")
+    other = wider.replace("10 kohm", "11 kohm")
     sensors = text.replace("sensors: {", "sensors: {i: {reads: R.f, unit: A, noise: 1 mA}, ")
     calls, cores = [0], []
-    for model in (text, other, sensors):
+    for model in (text, wider, other, sensors):
         cores.append(build_engine(parse_model(model))[1])
         calls.append(log.read_text().count("called"))
-    assert np.diff(calls).tolist() == [PARTS, PARTS - 1, PARTS]
+    assert np.diff(calls).tolist() == [PARTS, TABLES, PARTS - 1, PARTS]
     monkeypatch.setenv("FAULTBOND_CACHE", str(tmp_path / "empty"))
-    cores.append(build_engine(parse_model(other))[1])
-    assert log.read_text().count("called") == calls[-1] + PARTS
-    nominal, shared, whole = (run(cores[k], recorded("rc", 400, FAULT))[0] for k in (0, 1, 3))
-    assert differing(shared, whole) == []
-    assert differing(shared, nominal)
+    for model in (wider, other):
+        cores.append(build_engine(parse_model(model))[1])
+        monkeypatch.setenv("FAULTBOND_CACHE", str(tmp_path / "empty, too"))
+    assert log.read_text().count("called") == calls[-1] + 2 * PARTS
+    nominal, *found = (run(cores[k], recorded("rc", 400, FAULT))[0] for k in (0, 1, 2, 4, 5))
+    for shared, whole in zip(found[:2], found[2:], strict=True):
+        assert differing(shared, whole) == []
+        assert differing(shared, nominal)
 
 
 def test_in_haste_it_finds_the_same(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
