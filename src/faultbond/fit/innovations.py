@@ -141,7 +141,8 @@ def take_recording(core: Core, record: HealthyRecording) -> Taken:
     walk, walker, strayed = 0.0, -1, np.zeros(len(spec.parameters))
     waits = int(core_settings()["PENDING"])  # samples for which rows may change, until it is known what an input was
     for number, point in enumerate(record.points):
-        height[number] = np.nan_to_num(monitor.step(point).cusum)
+        monitor.push(point)
+        height[number] = monitor.cusum
         if not started and monitor.number("clock.running") > 0:
             first = int(monitor.number("clock.begun"))
             started = number + 1 - first
@@ -166,7 +167,7 @@ def take_recording(core: Core, record: HealthyRecording) -> Taken:
         use=use & np.array(known, dtype=bool)[:, None],
         settling=(packed[:, spec.sample_fields["use"]] > 0) & ~use,
         astray=np.array(astray, dtype=bool),
-        height=height[len(record.points) - len(record.time) :],
+        height=np.nan_to_num(height[len(record.points) - len(record.time) :]),
         walk=walk,
         walker=walker,
         strayed=strayed,

@@ -94,6 +94,11 @@ class Monitor:
         """What the last sample brought that was pushed."""
         return self._told(self._report).last
 
+    @property
+    def cusum(self) -> FloatArray:
+        """Of `report` that alone, (n_outputs,)."""
+        return np.array(self._report["cusum"][0], dtype=np.float64)
+
     def step(self, sample: Sample) -> Report:
         """Take one sample."""
         self.push(sample)
@@ -198,8 +203,11 @@ class Monitor:
     def knows_inputs(self) -> bool:
         """Whether no input has been missing for some samples, though it usually is told and does move."""
         settings = core_settings()
+        lately = self.numbers("inputs.guessed") >= settings["UNKNOWN_FROM"]
+        if not lately.any():
+            return True
         restless = (self.numbers("inputs.leap") > 0.0) & (self.numbers("inputs.habit") > settings["RARELY"])
-        return not np.any(restless & (self.numbers("inputs.guessed") >= settings["UNKNOWN_FROM"]))
+        return not np.any(restless & lately)
 
     def lane(self, number: int) -> FloatArray:
         """Give a lane of the bank, (n_numbers,) of plain lanes, which come first, or of those with a slot."""
