@@ -198,10 +198,10 @@ def _as_it_stands(search: Search, stand: Footing, now: Quieted, text: str, graph
 
 
 def _next(search: Search, stand: Footing, asked: set[str]) -> Footing | None:
-    """Give where the next thing leads: what explains why parameters stray, else what foretells best."""
+    """Give where the next thing leads: what explains why parameters stray, a law's offset, else what foretells best."""
     names = strayed(search, stand) - asked
     asked |= names
-    return (cured(search, stand) if names else None) or search.better(stand)
+    return (cured(search, stand) if names else None) or search.centred(stand) or search.better(stand)
 
 
 def _seems_quiet(stand: Footing, read: Recordings, tell: Tell) -> bool:

@@ -34,11 +34,12 @@ from faultbond.fit.imperfections import (
     Imperfection,
     Kind,
     found_in,
-    lag_name,
     law_signals,
     memory_place,
+    parameter_name,
     possible,
     size_place,
+    stated_laws,
     with_imperfections,
     without_lag,
 )
@@ -67,6 +68,7 @@ MEMORIES = (3.0, 20.0, 120.0, 600.0)  # samples
 LARGER = (3.0, 10.0, 30.0)  # times the largest size tried, where that is the best
 MOST_PART = 0.5  # a relative error is not larger
 LONGEST = 0.25  # of a recording: what stays longer is a parameter, not an error that comes and goes
+OFFSETS = (-6.0, -3.0, -1.5, 1.5, 3.0, 6.0)  # times a slow error
 LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # samples
 LAG_GRID = 4.0  # samples: a lag for which one step of the integration is enough
 LEAST_LAG = 0.2  # samples
@@ -115,6 +117,8 @@ class Search:
         self.few = self.trained[: int(np.searchsorted(ends, FEW_SAMPLES)) + 1]
         self.longest = LONGEST * min(float(np.ptp(item.time)) for item in self.trained)
         signals = law_signals(model)
+        stated = stated_laws(model)
+        self.laws = {name: stated[name] for name in signals if name in stated}
         self.possible = possible(graph, signals, len(model.states))
         self.refused: set[tuple[Kind, str]] = set()  # lags and holds that were tried in vain
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
@@ -127,7 +131,9 @@ class Search:
     def _with_all(self, graph: BondGraph) -> "_Ground":
         """Give a plant in which all that may be missing is open, for likelihoods alone."""
         checks = tuple(Check(name=name, kind=CheckKind.SIGNAL, reads=Name(name)) for name in self.signals)
-        return self.ground(replace(with_imperfections(graph, self.possible), checks=checks), slopes=False)
+        offsets = (Imperfection(kind=Kind.OFFSET, place=name, size=0.0, law=law) for name, law in self.laws.items())
+        opened = with_imperfections(graph, (*self.possible, *offsets))
+        return self.ground(replace(opened, checks=checks), slopes=False)
 
     def ground(self, graph: BondGraph, *, slopes: bool = True) -> "_Ground":
         """Give a plant as the likelihood takes it."""
@@ -201,7 +207,7 @@ class Search:
         kind would move it.
         """
         own = {item.name for item in self.graph.parameters}
-        added = [item for item in stand.added if item.what.kind is Kind.LAG and lag_name(item.what) not in own]
+        added = [item for item in stand.added if item.what.kind is Kind.LAG and parameter_name(item.what) not in own]
         gone = [item for item in added if item.what.size <= NO_LAG * self.step]
         if not gone:
             return stand
@@ -241,7 +247,9 @@ class Search:
     def _ground_with(self, stand: Footing, more: Sequence[Imperfection]) -> "_Ground":
         """Give a plant that may have further imperfections."""
         sizes = {Kind.LAG: LAG_GRID * self.step}
-        opened = tuple(replace(item, size=sizes.get(item.kind, UNTRIED)) for item in more)
+        opened = tuple(
+            item if item.kind is Kind.OFFSET else replace(item, size=sizes.get(item.kind, UNTRIED)) for item in more
+        )
         return self.ground(with_imperfections(stand.graph, opened))
 
     def _joint(self, stand: Footing, best: Footing, others: Sequence[Footing]) -> Footing | None:
@@ -303,7 +311,7 @@ class Search:
             parts = zip(stand.innovations, (record.u[:, k] for record in self.trained), strict=True)
             gain = sum(explained(column, last_changes(u)) for off, u in parts for column in off.T)
             found.append((Imperfection(kind=Kind.LAG, place=item.name), gain))
-        free = [item for item in found if lag_name(item[0]) not in taken and item[0].key not in self.refused]
+        free = [item for item in found if parameter_name(item[0]) not in taken and item[0].key not in self.refused]
         return sorted(free, key=lambda item: item[1], reverse=True)
 
     def holds(self, stand: Footing) -> list[Imperfection]:
@@ -319,16 +327,43 @@ class Search:
         best = sorted(found, key=lambda one: one[0], reverse=True)
         return [item for _, item in best if item.key not in self.refused]
 
+    def centred(self, stand: Footing) -> Footing | None:
+        """Give where the offset of a law leads that is in error much the same way all the time; None: nowhere.
+
+        Of a curve that is not quite that of the law, changes of what goes in show the slope, and what is left is a
+        constant. A slow error that stands for it is never about zero: to be quiet it has to be so large that it hides
+        faults.
+        """
+        self.tell("asking whether a law is off by a constant")
+        for offset in self.offsets(stand):
+            self.tell(f"fitting {offset.words}")
+            found = self._ground_with(stand, (offset,)).climbed(stand, offset)
+            if found.held - stand.held >= WORTH:
+                return found
+            self.refused.add(offset.key)
+        return None
+
+    def offsets(self, stand: Footing) -> list[Imperfection]:
+        """Give the laws with a slow error that seem to be off by a constant too, by how much, the likeliest first."""
+        usual, gains_of = self._asked(stand)
+        tried = []
+        for item in stand.graph.slow_errors:
+            offset = Imperfection(kind=Kind.OFFSET, place=item.target, law=self.laws.get(item.target, ("", 0)))
+            free = parameter_name(offset) not in stand.values and offset.key not in self.refused
+            if item.target not in self.laws or item.is_sensor or item.wanders or not free:
+                continue
+            sd = item.sd * usual.get(item.target, 0.0) if item.relative else item.sd
+            tried += [replace(offset, size=times * sd) for times in OFFSETS if sd > 0.0]
+        best: dict[str, tuple[float, Imperfection]] = {}
+        for offset, gain in zip(tried, gains_of(tried).tolist() if tried else (), strict=True):
+            if gain > max(HINT, best[offset.place][0] if offset.place in best else HINT):
+                best[offset.place] = gain, offset
+        return [offset for _, offset in sorted(best.values(), key=lambda one: -one[0])]
+
     def profile(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""
         self.tell("asking what each imperfection would gain")
-        if in_time(stand.graph) != in_time(self.all.graph):  # what lags by now is to be no error any more
-            self.all = self._with_all(stand.graph)
-        record = _shortened(self.trained[0])
-        q, start = self.all.q_of(stand), self.all.starts_of(stand)[:1]
-        plant = self.all.plant(q)
-        now = float(likelihoods(plant, [record], start, q[None])[0])
-        usual = self.all.usual(record, start[0], q)
+        usual, gains_of = self._asked(stand)
         added = {item.what.place for item in stand.added}
         asked = [(item, self._sizes(stand, item, usual)) for item in self.possible if item.place not in added]
         best: dict[tuple[Kind, str], tuple[Imperfection, float]] = {}
@@ -341,9 +376,7 @@ class Search:
             ]
             if not tried:
                 break
-            declared = np.array([self.all.with_one(q, item) for item in tried])
-            gains = likelihoods(plant, [record], start, declared) - now
-            for item, gain in zip(tried, gains.tolist(), strict=True):
+            for item, gain in zip(tried, gains_of(tried).tolist(), strict=True):
                 if item.key not in best or gain > best[item.key][1]:
                     best[item.key] = item, gain
             at_end = [(item, sizes) for item, sizes in asked if sizes and best[item.key][0].size == sizes[-1]]
@@ -354,6 +387,21 @@ class Search:
             ]
         self.asked = sorted(best.values(), key=lambda item: item[1], reverse=True)
         return self.asked
+
+    def _asked(self, stand: Footing) -> tuple[dict[str, float], Callable[[Sequence[Imperfection]], FloatArray]]:
+        """Give the usual size of each signal, and what tells what imperfections would gain with all else as it is."""
+        if in_time(stand.graph) != in_time(self.all.graph):  # what lags by now is to be no error any more
+            self.all = self._with_all(stand.graph)
+        record = _shortened(self.trained[0])
+        q, start = self.all.q_of(stand), self.all.starts_of(stand)[:1]
+        plant = self.all.plant(q)
+        now = float(likelihoods(plant, [record], start, q[None])[0])
+
+        def gains_of(tried: Sequence[Imperfection]) -> FloatArray:
+            declared = np.array([self.all.with_one(q, item) for item in tried])
+            return likelihoods(plant, [record], start, declared) - now
+
+        return self.all.usual(record, start[0], q), gains_of
 
     def _sizes(self, stand: Footing, item: Imperfection, usual: dict[str, float]) -> tuple[float, ...]:
         if item.kind is Kind.WANDER:
@@ -451,7 +499,7 @@ class _Ground:
         if item.kind is Kind.HOLD:
             return changed
         place = size_place(self.graph, self.layout, item)
-        if item.kind is Kind.LAG:
+        if item.is_parameter:
             changed[place] = item.size / self.graph.parameters[place].scale
             return changed
         changed[place] = np.log(item.size)
@@ -464,12 +512,15 @@ class _Ground:
         search, layout = self.search, self.layout
         base = nominal_q(self.model)
         base[layout.n_p :] = q[layout.n_p :]
-        lags = {lag_name(item) for item in opened if item.kind is Kind.LAG}
+        lags, further = (
+            {parameter_name(item) for item in opened if item.kind in kinds}
+            for kinds in ((Kind.LAG,), (Kind.LAG, Kind.OFFSET))
+        )
         sizes = {size_place(self.graph, layout, item): item for item in opened if item.kind in SIZED}
         memories = {memory_place(self.graph, layout, item): item for item in opened if item.is_slow}
         declared = range(layout.first_noise, layout.first_noise + layout.n_y + len(search.graph.slow_errors))
         noises = tuple(sorted({*declared, *sizes, *memories}))
-        names = {item.name for _, item in search.parameters} - set(search.own) | lags
+        names = {item.name for _, item in search.parameters} - set(search.own) | further
         parameters = tuple((k, item) for k, item in enumerate(self.graph.parameters) if item.name in names)
         unknowns = unknowns_of(layout, base, parameters, noises, grow=True)
         lower, upper = unknowns.lower.copy(), unknowns.upper.copy()
