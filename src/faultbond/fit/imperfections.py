@@ -88,7 +88,7 @@ def law_signals(model: StepModel) -> tuple[str, ...]:
     return tuple(name for name in network.signals if name in given)
 
 
-def stated_laws(model: StepModel) -> dict[str, tuple[str, int]]:
+def laws_of_signals(model: StepModel) -> dict[str, tuple[str, int]]:
     """Give the signals that stand alone on the left of a law: the component, and which of its laws, from 0."""
     found = {}
     for part in model.plant.graph.components:

@@ -35,11 +35,11 @@ from faultbond.fit.imperfections import (
     Kind,
     found_in,
     law_signals,
+    laws_of_signals,
     memory_place,
     parameter_name,
     possible,
     size_place,
-    stated_laws,
     with_imperfections,
     without_lag,
 )
@@ -68,7 +68,6 @@ MEMORIES = (3.0, 20.0, 120.0, 600.0)  # samples
 LARGER = (3.0, 10.0, 30.0)  # times the largest size tried, where that is the best
 MOST_PART = 0.5  # a relative error is not larger
 LONGEST = 0.25  # of a recording: what stays longer is a parameter, not an error that comes and goes
-OFFSETS = (-6.0, -3.0, -1.5, 1.5, 3.0, 6.0)  # times a slow error
 LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # samples
 LAG_GRID = 4.0  # samples: a lag for which one step of the integration is enough
 LEAST_LAG = 0.2  # samples
@@ -117,8 +116,7 @@ class Search:
         self.few = self.trained[: int(np.searchsorted(ends, FEW_SAMPLES)) + 1]
         self.longest = LONGEST * min(float(np.ptp(item.time)) for item in self.trained)
         signals = law_signals(model)
-        stated = stated_laws(model)
-        self.laws = {name: stated[name] for name in signals if name in stated}
+        self.laws = {name: law for name, law in laws_of_signals(model).items() if name in signals}
         self.possible = possible(graph, signals, len(model.states))
         self.refused: set[tuple[Kind, str]] = set()  # lags and holds that were tried in vain
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
@@ -232,11 +230,11 @@ class Search:
         lags = [item for item, gain in self.lags(stand) if gain > HINT][:LAGS_TRIED]
         if not slow and not lags and not self.holds(stand):
             return []
-        shared = self._ground_with(stand, [item for item, _ in slow if item.key not in keys_of(stand.graph)])
+        shared = self.ground_with(stand, [item for item, _ in slow if item.key not in keys_of(stand.graph)])
         found: list[tuple[_Ground, Imperfection, float]] = []
         for item in (*lags, *self.holds(stand)[:1]):
             with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
-                ground = self._ground_with(stand, (item,))
+                ground = self.ground_with(stand, (item,))
                 found.append((ground, *ground.best_lag(stand, item)))
         most = max((gain for _, _, gain in found), default=0.0)
         return [
@@ -244,7 +242,7 @@ class Search:
             *((ground, item) for ground, item, gain in found if gain >= PROMISING * most),
         ]
 
-    def _ground_with(self, stand: Footing, more: Sequence[Imperfection]) -> "_Ground":
+    def ground_with(self, stand: Footing, more: Sequence[Imperfection]) -> "_Ground":
         """Give a plant that may have further imperfections."""
         sizes = {Kind.LAG: LAG_GRID * self.step}
         opened = tuple(
@@ -290,7 +288,7 @@ class Search:
     def _together(self, stand: Footing, more: Sequence[Added]) -> Footing:
         """Give where imperfections lead together, all recordings considered; each with what it gained by itself."""
         items = [item.what for item in more]
-        found = self._ground_with(stand, items).climbed(stand, *items)
+        found = self.ground_with(stand, items).climbed(stand, *items)
         sizes = {item.what.key: item.what for item in found.added}
         kept = (replace(item, what=sizes[item.what.key]) for item in more)
         return replace(found, added=(*found.added[: len(stand.added)], *kept))
@@ -327,43 +325,10 @@ class Search:
         best = sorted(found, key=lambda one: one[0], reverse=True)
         return [item for _, item in best if item.key not in self.refused]
 
-    def centred(self, stand: Footing) -> Footing | None:
-        """Give where the offset of a law leads that is in error much the same way all the time; None: nowhere.
-
-        Of a curve that is not quite that of the law, changes of what goes in show the slope, and what is left is a
-        constant. A slow error that stands for it is never about zero: to be quiet it has to be so large that it hides
-        faults.
-        """
-        self.tell("asking whether a law is off by a constant")
-        for offset in self.offsets(stand):
-            self.tell(f"fitting {offset.words}")
-            found = self._ground_with(stand, (offset,)).climbed(stand, offset)
-            if found.held - stand.held >= WORTH:
-                return found
-            self.refused.add(offset.key)
-        return None
-
-    def offsets(self, stand: Footing) -> list[Imperfection]:
-        """Give the laws with a slow error that seem to be off by a constant too, by how much, the likeliest first."""
-        usual, gains_of = self._asked(stand)
-        tried = []
-        for item in stand.graph.slow_errors:
-            offset = Imperfection(kind=Kind.OFFSET, place=item.target, law=self.laws.get(item.target, ("", 0)))
-            free = parameter_name(offset) not in stand.values and offset.key not in self.refused
-            if item.target not in self.laws or item.is_sensor or item.wanders or not free:
-                continue
-            sd = item.sd * usual.get(item.target, 0.0) if item.relative else item.sd
-            tried += [replace(offset, size=times * sd) for times in OFFSETS if sd > 0.0]
-        best: dict[str, tuple[float, Imperfection]] = {}
-        for offset, gain in zip(tried, gains_of(tried).tolist() if tried else (), strict=True):
-            if gain > max(HINT, best[offset.place][0] if offset.place in best else HINT):
-                best[offset.place] = gain, offset
-        return [offset for _, offset in sorted(best.values(), key=lambda one: -one[0])]
-
     def profile(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""
         self.tell("asking what each imperfection would gain")
-        usual, gains_of = self._asked(stand)
+        usual, gains_of = self.asking(stand)
         added = {item.what.place for item in stand.added}
         asked = [(item, self._sizes(stand, item, usual)) for item in self.possible if item.place not in added]
         best: dict[tuple[Kind, str], tuple[Imperfection, float]] = {}
@@ -376,7 +341,7 @@ class Search:
             ]
             if not tried:
                 break
-            for item, gain in zip(tried, gains_of(tried).tolist(), strict=True):
+            for item, gain in zip(tried, gains_of(tried), strict=True):
                 if item.key not in best or gain > best[item.key][1]:
                     best[item.key] = item, gain
             at_end = [(item, sizes) for item, sizes in asked if sizes and best[item.key][0].size == sizes[-1]]
@@ -388,7 +353,7 @@ class Search:
         self.asked = sorted(best.values(), key=lambda item: item[1], reverse=True)
         return self.asked
 
-    def _asked(self, stand: Footing) -> tuple[dict[str, float], Callable[[Sequence[Imperfection]], FloatArray]]:
+    def asking(self, stand: Footing) -> tuple[dict[str, float], Callable[[Sequence[Imperfection]], list[float]]]:
         """Give the usual size of each signal, and what tells what imperfections would gain with all else as it is."""
         if in_time(stand.graph) != in_time(self.all.graph):  # what lags by now is to be no error any more
             self.all = self._with_all(stand.graph)
@@ -397,9 +362,9 @@ class Search:
         plant = self.all.plant(q)
         now = float(likelihoods(plant, [record], start, q[None])[0])
 
-        def gains_of(tried: Sequence[Imperfection]) -> FloatArray:
+        def gains_of(tried: Sequence[Imperfection]) -> list[float]:
             declared = np.array([self.all.with_one(q, item) for item in tried])
-            return likelihoods(plant, [record], start, declared) - now
+            return [gain - now for gain in likelihoods(plant, [record], start, declared).tolist()]
 
         return self.all.usual(record, start[0], q), gains_of
 
