@@ -20,10 +20,19 @@ from faultbond.app.signals import Stopped
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
 from faultbond.contract.findings import Unexplained
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
 from faultbond.fit import objective, trial
 from faultbond.fit.false_alarms import Rate
 from faultbond.fit.foothold import Added, Footing
-from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
+from faultbond.fit.imperfections import (
+    Imperfection,
+    Kind,
+    law_signals,
+    laws_of_signals,
+    parameter_name,
+    with_imperfections,
+)
 from faultbond.fit.innovations import Variant
 from faultbond.fit.quiet_search import WORTH, Search
 from faultbond.fit.samples import HealthyRecording, healthy_recording
@@ -31,6 +40,7 @@ from faultbond.fit.trial import ROOM, enough, on_trial, stays_below, strayed_on
 from faultbond.io.recording import write_recording
 from faultbond.model.amend import amended
 from faultbond.model.graph import BondGraph
+from faultbond.model.parser import to_text
 from faultbond.model.text import load_model, parse_model
 from faultbond.report.fit_result import Fitted
 from faultbond.report.health import health_record, where_lines
@@ -55,19 +65,29 @@ sensors: {i: {reads: armature.f, unit: A, noise: 50 mA}}
 R, L, NOISE, STEP = 3.3, 2.2, 0.02, 0.02
 
 
-def write(path: Path, *, seed: int, rows: int = 1200, lag: float = 0.0, wander: float = 0.0, warm: float = 1.0) -> Path:
+def write(
+    path: Path,
+    *,
+    seed: int,
+    rows: int = 1200,
+    lag: float = 0.0,
+    wander: float = 0.0,
+    warm: float = 1.0,
+    drop: float = 0.0,
+    levels: Sequence[float] = (-4.0, -1.0, 2.0, 5.0),
+) -> Path:
     """Write a recording of the winding: its sensor lags by `lag` s; its voltage wanders by a part, over a second.
 
-    warm: times its resistance
+    warm: times its resistance; drop: voltage lost beside it, V; levels: of the source, V
     """
     rng = np.random.default_rng(seed)
-    voltage = np.repeat(rng.choice([-4.0, -1.0, 2.0, 5.0], rows // 40 + 1), 40)[:rows]
+    voltage = np.repeat(rng.choice(levels, rows // 40 + 1), 40)[:rows]
     current, seen, slow, values = 0.0, 0.0, 0.0, []
     for k in range(rows):
         values.append((seen if lag else current) + NOISE * rng.standard_normal())
         slow = slow * np.exp(-STEP) + wander * np.sqrt(1 - np.exp(-2 * STEP)) * rng.standard_normal()
         decay = np.exp(-R * warm / L * STEP)
-        after = decay * current + (1 - decay) * voltage[k] * (1 + slow) / (R * warm)
+        after = decay * current + (1 - decay) * (voltage[k] * (1 + slow) - drop) / (R * warm)
         if lag:
             seen += (1 - np.exp(-STEP / lag)) * (0.5 * (current + after) - seen)
         current = after
@@ -346,7 +366,7 @@ def test_what_gains_nothing_beside_all_recordings_is_not_added(gain: float, monk
 
     ground = SimpleNamespace(climbed=climbed)
     monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item)])
-    monkeypatch.setattr(Search, "_ground_with", lambda *_: ground)
+    monkeypatch.setattr(Search, "ground_with", lambda *_: ground)
     better = bare_search().better(stand)
     assert (better is not None) == (gain >= WORTH)
 
@@ -356,6 +376,66 @@ def test_an_interval_has_a_length() -> None:
     item = Unexplained(signal="i", sd=3.0, since=7.0, until=7.0)
     assert unexplained_sentence(item).endswith("off in i at 7 s.")
     assert "between 7 s and 8 s, on average" in unexplained_sentence(replace(item, until=8.0))
+
+
+SLOW_WINDING = f"{MODEL}slow_error: {{R.e: 0.1 V over 6 s}}\n"
+
+
+@pytest.mark.usefixtures("no_sizes")
+@pytest.mark.parametrize("drop", [0.6, -0.6, 0.0])
+def test_a_law_that_is_off_by_a_constant_gets_it(drop: float, tmp_path: Path) -> None:
+    """Beside the slow error that is declared, a voltage is lost all the time, of either sign."""
+    model = tmp_path / "model.yaml"
+    model.write_text(SLOW_WINDING, encoding="utf-8")
+    recordings = [write(tmp_path / f"{k}.csv", seed=k, rows=1000, drop=drop, levels=(3.0, 5.0)) for k in (1, 2)]
+    found = records(tmp_path, model, *recordings, "-o", tmp_path / "new.yaml")
+    assert [(item["kind"], item["of"]) for item in found["quiet"]["added"]] == ([("offset", "R.e")] if drop else [])
+    if not drop:
+        return
+    assert found["quiet"]["quiet"]
+    assert not found["quiet"]["raised"]
+    offset = load_model(tmp_path / "new.yaml").parameter("R_e_offset")
+    assert offset.nominal == pytest.approx(drop, abs=4 * offset.accuracy)
+    assert offset.accuracy < 0.1 * abs(drop)
+    assert not offset.suspect
+    assert "law: e = R*f + R_e_offset" in (tmp_path / "new.yaml").read_text(encoding="utf-8")
+
+
+def test_an_offset_stands_in_the_law_as_it_is_written() -> None:
+    """Whichever way a law is written, and as often as one is added; it is read back as the same plant."""
+    text = """
+name: pump
+sample_time: 1 s
+inputs: {n: {unit: percent}}
+constants: {all: 100 percent}
+blocks:
+  pump:
+    law: |
+      P = H*(n/all)**2
+    parameters: {H: 12 kPa}
+  both: {law: ["a = P/R", "b = k*a", "der(c) = b"], parameters: {R: 3 Pa*s/m^3, k: 2}}
+sensors: {Q: {reads: a + b, unit: m^3/s, noise: 0.1 m^3/s}, V: {reads: c, noise: 1 m^3}}
+"""
+    graph = parse_model(text)
+    model = build_step_model(build_plant(graph))
+    laws = {name: law for name, law in laws_of_signals(model).items() if name in law_signals(model)}
+    assert laws == {"P": ("pump", 0), "a": ("both", 0), "b": ("both", 1)}
+    items = [
+        Imperfection(kind=Kind.OFFSET, place=place, size=size, law=laws[place])
+        for place, size in (("P", -340.0), ("b", 0.25), ("a", 0.5))
+    ]
+    written = amended_text(text, graph, [Added(what=item, trained=1.0, held=1.0) for item in items])
+    back, once = parse_model(written), with_imperfections(graph, tuple(items))
+    for item in items:
+        offset = back.parameter(parameter_name(item))
+        assert (offset.nominal, offset.accuracy) == pytest.approx((item.size, abs(item.size)))
+        assert (offset.lower, offset.upper, offset.suspect) == (-np.inf, np.inf, False)
+    rights = [[to_text(law.right) for law in part.laws] for part in back.components]
+    assert rights == [["H*(n/all)**2 + P_offset"], ["P/R + a_offset", "k*a + b_offset", "b"]]
+    assert [part.parameters for part in back.components] == [part.parameters for part in once.components]
+    twice = with_imperfections(once, (replace(items[0], size=120.0),))
+    assert twice.components == once.components
+    assert twice.parameter("P_offset").nominal == 120.0
 
 
 def test_nothing_is_added_to_a_right_model(model: Path, tmp_path: Path) -> None:

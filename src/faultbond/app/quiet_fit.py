@@ -16,6 +16,7 @@ from faultbond.fit.foothold import Footing, as_found, values_of
 from faultbond.fit.healthy_changes import healthy_changes
 from faultbond.fit.held_back import Recordings, parted
 from faultbond.fit.identification import Prior, fit_plant
+from faultbond.fit.offset import centred
 from faultbond.fit.quiet_search import ROUNDS, Search, Tell
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.session import build_fit, free_parameters
@@ -198,10 +199,10 @@ def _as_it_stands(search: Search, stand: Footing, now: Quieted, text: str, graph
 
 
 def _next(search: Search, stand: Footing, asked: set[str]) -> Footing | None:
-    """Give where the next thing leads: what explains why parameters stray, else what foretells best."""
+    """Give where the next thing leads: what explains why parameters stray, a law's offset, else what foretells best."""
     names = strayed(search, stand) - asked
     asked |= names
-    return (cured(search, stand) if names else None) or search.better(stand)
+    return (cured(search, stand) if names else None) or centred(search, stand) or search.better(stand)
 
 
 def _seems_quiet(stand: Footing, read: Recordings, tell: Tell) -> bool:

@@ -1,4 +1,4 @@
-"""What a model may leave out, as things that can be added to it: slow errors, wander, lags, noise of inputs.
+"""What a model may leave out, as things that can be added to it: slow errors, offsets, wander, lags, noise of inputs.
 
 A law says one thing and the plant does nearly the same; how nearly is the size of a slow error, and how long it stays
 the same is its memory.
@@ -15,11 +15,13 @@ from faultbond.arrays import FloatArray
 from faultbond.equations.sequence import Assignment, Step
 from faultbond.equations.step import StepModel
 from faultbond.fit.likelihood import Layout
+from faultbond.model.expression import Binary, Name
 from faultbond.model.graph import BondGraph, Parameter, SlowError, Unit
 
 MOST_FOLLOWED = 30  # states, slow errors and noise of inputs of a filter in which all is tried at once
 LEAST_PLACES = 6  # slow errors that are tried however large the plant is
 LAG_ACCURACY, LAG_CHANGE = 0.1, 2.0  # parts of a lag that was found
+OFFSET_ACCURACY, OFFSET_CHANGE = 1.0, 2.0  # parts of an offset that was found
 UNTRIED = 1e-12  # size of what is only a possibility, in the unit of what it is an error of
 
 
@@ -31,6 +33,7 @@ class Kind(Enum):
     WANDER = "wander"
     INPUT_NOISE = "noise"
     LAG = "lag"
+    OFFSET = "offset"
     HOLD = "linear hold"
 
 
@@ -38,7 +41,9 @@ class Kind(Enum):
 class Imperfection:
     """Something that a model may leave out: of which kind, of what, how large, over which time (s).
 
-    size : standard deviation, SI or in parts; of a lag its time constant, s; a linear hold has none
+    size : standard deviation, SI or in parts; of a lag its time constant, s; of an offset that, SI; a linear hold has
+    none
+    law : of an offset the component that gives the signal, and which of its laws does
     """
 
     kind: Kind
@@ -46,6 +51,7 @@ class Imperfection:
     is_sensor: bool = False
     size: float = UNTRIED
     memory: float = 1.0
+    law: tuple[str, int] = ("", 0)
 
     @property
     def key(self) -> tuple[Kind, str]:
@@ -56,6 +62,11 @@ class Imperfection:
     def is_slow(self) -> bool:
         """Whether it has a memory."""
         return self.kind in (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER)
+
+    @property
+    def is_parameter(self) -> bool:
+        """Whether it is a further parameter of the plant."""
+        return self.kind in (Kind.LAG, Kind.OFFSET)
 
     @property
     def is_late(self) -> bool:
@@ -75,6 +86,18 @@ def law_signals(model: StepModel) -> tuple[str, ...]:
     given = {item.signal for item in _assignments(plant.steps) if item.owner in owners}
     given -= {store.rate for store in network.states}
     return tuple(name for name in network.signals if name in given)
+
+
+def laws_of_signals(model: StepModel) -> dict[str, tuple[str, int]]:
+    """Give the signals that stand alone on the left of a law: the component, and which of its laws, from 0."""
+    found = {}
+    for part in model.plant.graph.components:
+        own = (item.residual for item in model.plant.network.constraints if item.owner == part.name)
+        for number, (law, residual) in enumerate(zip(part.laws, own, strict=True)):
+            match law.left, residual:
+                case Name(), Binary("-", Name(signal), _):
+                    found[signal] = part.name, number
+    return found
 
 
 def _assignments(steps: tuple[Step, ...]) -> Iterator[Assignment]:
@@ -139,7 +162,7 @@ def with_imperfections(graph: BondGraph, added: tuple[Imperfection, ...]) -> Bon
     """Give a plant with imperfections, in place of those of the same kind that it declares for the same thing."""
     errors, inputs = list(graph.slow_errors), list(graph.inputs)
     for item in added:
-        if item.kind is Kind.LAG:
+        if item.is_parameter:
             continue
         if not item.is_slow:
             k = next(k for k, known in enumerate(inputs) if known.name == item.place)
@@ -163,13 +186,14 @@ def with_imperfections(graph: BondGraph, added: tuple[Imperfection, ...]) -> Bon
             errors[at] = replace(errors[at], sd=new.sd, memory=new.memory)
     graph = replace(graph, slow_errors=tuple(errors), inputs=tuple(inputs))
     for item in added:
-        graph = _lagging(graph, item) if item.kind is Kind.LAG else graph
+        if item.is_parameter:
+            graph = (_lagging if item.kind is Kind.LAG else _offset)(graph, item)
     return graph
 
 
 def _lagging(graph: BondGraph, item: Imperfection) -> BondGraph:
     """Give a plant in which an input or a sensor lags; where it does already, so long."""
-    name = lag_name(item)
+    name = parameter_name(item)
     parameters = {known.name: known for known in graph.parameters}
     lag = parameters.get(name) or Parameter(
         name=name,
@@ -189,24 +213,50 @@ def _lagging(graph: BondGraph, item: Imperfection) -> BondGraph:
     return replace(graph, parameters=tuple(parameters.values()), inputs=tuple(inputs), sensors=tuple(sensors))
 
 
+def _offset(graph: BondGraph, item: Imperfection) -> BondGraph:
+    """Give a plant in which a law gives more by a constant; where it does already, by this constant."""
+    name, (owner, number) = parameter_name(item), item.law
+    parameters = {known.name: known for known in graph.parameters}
+    new = name not in parameters
+    offset = Parameter(
+        name=name,
+        owner=owner,
+        nominal=item.size,
+        unit=Unit(""),
+        accuracy=OFFSET_ACCURACY * abs(item.size) or 1.0,
+        change=OFFSET_CHANGE * abs(item.size) or 1.0,
+        lower=-inf,
+        upper=inf,
+        suspect=False,
+    )
+    graph = replace(graph, parameters=tuple((parameters | {name: offset}).values()))
+    if not new:
+        return graph
+    part = graph.component(owner)
+    laws = list(part.laws)
+    laws[number] = replace(laws[number], right=Binary("+", laws[number].right, Name(name)))
+    part = replace(part, laws=tuple(laws), parameters=(*part.parameters, name))
+    return replace(graph, components=tuple(part if known.name == owner else known for known in graph.components))
+
+
 def without_lag(graph: BondGraph, item: Imperfection) -> BondGraph:
     """Give a plant in which an input or a sensor does not lag, as before `with_imperfections`."""
-    name = lag_name(item)
+    name = parameter_name(item)
     inputs = (replace(known, lag="") if known.lag == name else known for known in graph.inputs)
     sensors = (replace(known, lag="") if known.lag == name else known for known in graph.sensors)
     parameters = (known for known in graph.parameters if known.name != name)
     return replace(graph, parameters=tuple(parameters), inputs=tuple(inputs), sensors=tuple(sensors))
 
 
-def lag_name(item: Imperfection) -> str:
-    """Give the name of the parameter that is the time constant of a lag."""
-    return f"{item.place}_lag"
+def parameter_name(item: Imperfection) -> str:
+    """Give the name of the parameter that is the time constant of a lag, or an offset."""
+    return f"{item.place.replace('.', '_')}_{item.kind.value}"
 
 
 def size_place(graph: BondGraph, layout: Layout, item: Imperfection) -> int:
     """Give where the size of an imperfection of a plant stands in q."""
-    if item.kind is Kind.LAG:
-        return [known.name for known in graph.parameters].index(lag_name(item))
+    if item.is_parameter:
+        return [known.name for known in graph.parameters].index(parameter_name(item))
     first = layout.first_noise + layout.n_y
     if item.is_slow:
         return first + _number(graph, item)
@@ -234,7 +284,7 @@ def found_in(
             found.append(item)
             continue
         place = size_place(graph, layout, item)
-        if item.kind is Kind.LAG:
+        if item.is_parameter:
             found.append(replace(item, size=float(q[place] * graph.parameters[place].scale)))
             continue
         size = float(np.exp(q[place]))

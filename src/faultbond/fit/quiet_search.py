@@ -34,9 +34,10 @@ from faultbond.fit.imperfections import (
     Imperfection,
     Kind,
     found_in,
-    lag_name,
     law_signals,
+    laws_of_signals,
     memory_place,
+    parameter_name,
     possible,
     size_place,
     with_imperfections,
@@ -115,6 +116,7 @@ class Search:
         self.few = self.trained[: int(np.searchsorted(ends, FEW_SAMPLES)) + 1]
         self.longest = LONGEST * min(float(np.ptp(item.time)) for item in self.trained)
         signals = law_signals(model)
+        self.laws = {name: law for name, law in laws_of_signals(model).items() if name in signals}
         self.possible = possible(graph, signals, len(model.states))
         self.refused: set[tuple[Kind, str]] = set()  # lags and holds that were tried in vain
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
@@ -127,7 +129,9 @@ class Search:
     def _with_all(self, graph: BondGraph) -> "_Ground":
         """Give a plant in which all that may be missing is open, for likelihoods alone."""
         checks = tuple(Check(name=name, kind=CheckKind.SIGNAL, reads=Name(name)) for name in self.signals)
-        return self.ground(replace(with_imperfections(graph, self.possible), checks=checks), slopes=False)
+        offsets = (Imperfection(kind=Kind.OFFSET, place=name, size=0.0, law=law) for name, law in self.laws.items())
+        opened = with_imperfections(graph, (*self.possible, *offsets))
+        return self.ground(replace(opened, checks=checks), slopes=False)
 
     def ground(self, graph: BondGraph, *, slopes: bool = True) -> "_Ground":
         """Give a plant as the likelihood takes it."""
@@ -201,7 +205,7 @@ class Search:
         kind would move it.
         """
         own = {item.name for item in self.graph.parameters}
-        added = [item for item in stand.added if item.what.kind is Kind.LAG and lag_name(item.what) not in own]
+        added = [item for item in stand.added if item.what.kind is Kind.LAG and parameter_name(item.what) not in own]
         gone = [item for item in added if item.what.size <= NO_LAG * self.step]
         if not gone:
             return stand
@@ -226,11 +230,11 @@ class Search:
         lags = [item for item, gain in self.lags(stand) if gain > HINT][:LAGS_TRIED]
         if not slow and not lags and not self.holds(stand):
             return []
-        shared = self._ground_with(stand, [item for item, _ in slow if item.key not in keys_of(stand.graph)])
+        shared = self.ground_with(stand, [item for item, _ in slow if item.key not in keys_of(stand.graph)])
         found: list[tuple[_Ground, Imperfection, float]] = []
         for item in (*lags, *self.holds(stand)[:1]):
             with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
-                ground = self._ground_with(stand, (item,))
+                ground = self.ground_with(stand, (item,))
                 found.append((ground, *ground.best_lag(stand, item)))
         most = max((gain for _, _, gain in found), default=0.0)
         return [
@@ -238,10 +242,12 @@ class Search:
             *((ground, item) for ground, item, gain in found if gain >= PROMISING * most),
         ]
 
-    def _ground_with(self, stand: Footing, more: Sequence[Imperfection]) -> "_Ground":
+    def ground_with(self, stand: Footing, more: Sequence[Imperfection]) -> "_Ground":
         """Give a plant that may have further imperfections."""
         sizes = {Kind.LAG: LAG_GRID * self.step}
-        opened = tuple(replace(item, size=sizes.get(item.kind, UNTRIED)) for item in more)
+        opened = tuple(
+            item if item.kind is Kind.OFFSET else replace(item, size=sizes.get(item.kind, UNTRIED)) for item in more
+        )
         return self.ground(with_imperfections(stand.graph, opened))
 
     def _joint(self, stand: Footing, best: Footing, others: Sequence[Footing]) -> Footing | None:
@@ -282,7 +288,7 @@ class Search:
     def _together(self, stand: Footing, more: Sequence[Added]) -> Footing:
         """Give where imperfections lead together, all recordings considered; each with what it gained by itself."""
         items = [item.what for item in more]
-        found = self._ground_with(stand, items).climbed(stand, *items)
+        found = self.ground_with(stand, items).climbed(stand, *items)
         sizes = {item.what.key: item.what for item in found.added}
         kept = (replace(item, what=sizes[item.what.key]) for item in more)
         return replace(found, added=(*found.added[: len(stand.added)], *kept))
@@ -303,7 +309,7 @@ class Search:
             parts = zip(stand.innovations, (record.u[:, k] for record in self.trained), strict=True)
             gain = sum(explained(column, last_changes(u)) for off, u in parts for column in off.T)
             found.append((Imperfection(kind=Kind.LAG, place=item.name), gain))
-        free = [item for item in found if lag_name(item[0]) not in taken and item[0].key not in self.refused]
+        free = [item for item in found if parameter_name(item[0]) not in taken and item[0].key not in self.refused]
         return sorted(free, key=lambda item: item[1], reverse=True)
 
     def holds(self, stand: Footing) -> list[Imperfection]:
@@ -322,13 +328,7 @@ class Search:
     def profile(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""
         self.tell("asking what each imperfection would gain")
-        if in_time(stand.graph) != in_time(self.all.graph):  # what lags by now is to be no error any more
-            self.all = self._with_all(stand.graph)
-        record = _shortened(self.trained[0])
-        q, start = self.all.q_of(stand), self.all.starts_of(stand)[:1]
-        plant = self.all.plant(q)
-        now = float(likelihoods(plant, [record], start, q[None])[0])
-        usual = self.all.usual(record, start[0], q)
+        usual, gains_of = self.asking(stand)
         added = {item.what.place for item in stand.added}
         asked = [(item, self._sizes(stand, item, usual)) for item in self.possible if item.place not in added]
         best: dict[tuple[Kind, str], tuple[Imperfection, float]] = {}
@@ -341,9 +341,7 @@ class Search:
             ]
             if not tried:
                 break
-            declared = np.array([self.all.with_one(q, item) for item in tried])
-            gains = likelihoods(plant, [record], start, declared) - now
-            for item, gain in zip(tried, gains.tolist(), strict=True):
+            for item, gain in zip(tried, gains_of(tried), strict=True):
                 if item.key not in best or gain > best[item.key][1]:
                     best[item.key] = item, gain
             at_end = [(item, sizes) for item, sizes in asked if sizes and best[item.key][0].size == sizes[-1]]
@@ -354,6 +352,21 @@ class Search:
             ]
         self.asked = sorted(best.values(), key=lambda item: item[1], reverse=True)
         return self.asked
+
+    def asking(self, stand: Footing) -> tuple[dict[str, float], Callable[[Sequence[Imperfection]], list[float]]]:
+        """Give the usual size of each signal, and what tells what imperfections would gain with all else as it is."""
+        if in_time(stand.graph) != in_time(self.all.graph):  # what lags by now is to be no error any more
+            self.all = self._with_all(stand.graph)
+        record = _shortened(self.trained[0])
+        q, start = self.all.q_of(stand), self.all.starts_of(stand)[:1]
+        plant = self.all.plant(q)
+        now = float(likelihoods(plant, [record], start, q[None])[0])
+
+        def gains_of(tried: Sequence[Imperfection]) -> list[float]:
+            declared = np.array([self.all.with_one(q, item) for item in tried])
+            return [gain - now for gain in likelihoods(plant, [record], start, declared).tolist()]
+
+        return self.all.usual(record, start[0], q), gains_of
 
     def _sizes(self, stand: Footing, item: Imperfection, usual: dict[str, float]) -> tuple[float, ...]:
         if item.kind is Kind.WANDER:
@@ -451,7 +464,7 @@ class _Ground:
         if item.kind is Kind.HOLD:
             return changed
         place = size_place(self.graph, self.layout, item)
-        if item.kind is Kind.LAG:
+        if item.is_parameter:
             changed[place] = item.size / self.graph.parameters[place].scale
             return changed
         changed[place] = np.log(item.size)
@@ -464,12 +477,15 @@ class _Ground:
         search, layout = self.search, self.layout
         base = nominal_q(self.model)
         base[layout.n_p :] = q[layout.n_p :]
-        lags = {lag_name(item) for item in opened if item.kind is Kind.LAG}
+        lags, further = (
+            {parameter_name(item) for item in opened if item.kind in kinds}
+            for kinds in ((Kind.LAG,), (Kind.LAG, Kind.OFFSET))
+        )
         sizes = {size_place(self.graph, layout, item): item for item in opened if item.kind in SIZED}
         memories = {memory_place(self.graph, layout, item): item for item in opened if item.is_slow}
         declared = range(layout.first_noise, layout.first_noise + layout.n_y + len(search.graph.slow_errors))
         noises = tuple(sorted({*declared, *sizes, *memories}))
-        names = {item.name for _, item in search.parameters} - set(search.own) | lags
+        names = {item.name for _, item in search.parameters} - set(search.own) | further
         parameters = tuple((k, item) for k, item in enumerate(self.graph.parameters) if item.name in names)
         unknowns = unknowns_of(layout, base, parameters, noises, grow=True)
         lower, upper = unknowns.lower.copy(), unknowns.upper.copy()

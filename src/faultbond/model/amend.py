@@ -76,7 +76,8 @@ def _put(text: str, path: Path, value: str, file: str) -> str:
         node = found
     if node is None:
         raise ModelError(f"{file}: the model is empty")
-    return text[: node.start_mark.index] + value + text[node.end_mark.index :]
+    end = "\n" if isinstance(node, yaml.ScalarNode) and node.style in ("|", ">") else ""  # it goes up to the next line
+    return text[: node.start_mark.index] + value + end + text[node.end_mark.index :]
 
 
 def _with_key(text: str, table: yaml.MappingNode, key: str, value: str) -> str:

@@ -58,6 +58,20 @@ def text_of(target: float, convert: Callable[[float], float]) -> str | None:
     return next((number_text(item) for item in (*rounded, *near) if convert(item) == target), None)
 
 
+def law_text(item: Component) -> str:
+    """Give the laws of a component, or a block, as the value that stands in a model file."""
+    texts = _laws(item)
+    return f"[{', '.join(map(_scalar, texts))}]" if len(texts) > 1 else _scalar(texts[0])
+
+
+def _laws(item: Component) -> list[str]:
+    own = {f"{item.name}.{signal}": signal for signal in OWN_SIGNALS.get(item.type, ())}
+    return [
+        " = ".join(to_text(rename(side, lambda name: own.get(name, name))) for side in (law.left, law.right))
+        for law in item.laws
+    ]
+
+
 class _Writer:
     """Writes one graph."""
 
@@ -184,12 +198,7 @@ class _Writer:
         return _difference(item.noise * math.sqrt(rows), item.unit) + beside if has_noise else ""
 
     def component(self, item: Component) -> str:
-        own = {f"{item.name}.{signal}": signal for signal in OWN_SIGNALS.get(item.type, ())}
-        texts = [
-            " = ".join(to_text(rename(side, lambda name: own.get(name, name))) for side in (law.left, law.right))
-            for law in item.laws
-        ]
-        law = f"[{', '.join(map(_scalar, texts))}]" if len(texts) > 1 else _scalar(texts[0])
+        texts = _laws(item)
         is_default = len(item.parameters) == 1 and texts == default_laws(item.type, item.parameters[0])
         owned = {name: self.parameter(self.parameters[name]) for name in item.parameters}
         start: dict[str, str] = {}
@@ -199,7 +208,7 @@ class _Writer:
         return _flow(
             {
                 "type": "" if item.type is ElementType.BLOCK else item.type.value,
-                "law": law if self.stated("law", item.name, is_default=is_default) else "",
+                "law": law_text(item) if self.stated("law", item.name, is_default=is_default) else "",
                 "parameters": _flow(owned) if owned else "",
                 "signals": f"[{', '.join(item.signals)}]" if item.signals else "",
                 "start": _flow(start) if start else "",

@@ -10,11 +10,13 @@ from rich.text import Text
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.contract.json_records import Record
 from faultbond.fit.foothold import Added
-from faultbond.fit.imperfections import Imperfection, Kind
+from faultbond.fit.imperfections import Imperfection, Kind, parameter_name, with_imperfections
 from faultbond.fit.innovations import Variant
 from faultbond.fit.trial import Health
 from faultbond.model.amend import Path, amended
+from faultbond.model.dump import law_text
 from faultbond.model.graph import BondGraph, Unit
+from faultbond.model.parser import number_text
 from faultbond.model.rewrite import NewSize, parameter_path, rewrite
 from faultbond.report.analysis import heat_lines
 from faultbond.report.console import lines, table, title, under
@@ -71,7 +73,23 @@ class Quieted:
 
 def amended_text(text: str, graph: BondGraph, added: Sequence[Added]) -> str:
     """Give a model text with imperfections."""
-    return amended(text, [_entry(graph, item.what) for item in added], graph.file)
+    whole = with_imperfections(graph, tuple(item.what for item in added))
+    offsets = [item.what for item in added if item.what.kind is Kind.OFFSET]
+    entries = [_entry(graph, item.what) for item in added if item.what.kind is not Kind.OFFSET]
+    return amended(text, [*entries, *(entry for item in offsets for entry in _offset(whole, item))], graph.file)
+
+
+def _offset(whole: BondGraph, item: Imperfection) -> Iterator[tuple[Path, str]]:
+    """Give where an offset stands in a model file: in the law, and among the parameters of what has the law.
+
+    whole : the plant with all that was added
+    """
+    size, unit = _sized(whole, item)
+    path = parameter_path(whole, parameter_name(item))
+    owner = whole.component(item.law[0])
+    yield (*path[:2], "law"), law_text(owner)
+    words = [f"{text} {'' if unit == '1' else unit}".rstrip() for text in (f"{size:.4g}", _up(abs(size)))]
+    yield path, f"{{nominal: {words[0]}, accuracy: {words[1]}, range: any, suspect: no}}"
 
 
 def _entry(graph: BondGraph, item: Imperfection) -> tuple[Path, str]:
@@ -109,7 +127,7 @@ def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
 def _up(value: float) -> str:
     """Write a size with two digits, rounded up."""
     place = math.floor(math.log10(value)) - 1
-    return f"{math.ceil(value / 10.0**place - 1e-9) * 10.0**place:.2g}"
+    return number_text(float(f"{math.ceil(value / 10.0**place - 1e-9) * 10.0**place:.2g}"))
 
 
 def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tuple[Raised, ...]]:
