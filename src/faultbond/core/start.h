@@ -28,6 +28,9 @@ FB_SELDOM
 #define RUN_AWAY 1e6         /* misfit, sd of the noise, of a plant that has run away */
 #define STEEPEST 1e100       /* slope that can still be squared */
 #define WIDER 3.0            /* how much wider than the fit says the start is: the same samples are filtered again */
+#define LEAST_TRIED 1e-6     /* size of a state, SI, at which laws are tried that have no value where they begin, */
+#define DECADES 16           /* and how often ten times as much */
+#define APART 0.125          /* parts by which states are apart there, as a flow may have no slope between equal pressures */
 #define NOTHING_OF_SIZE 1e-9 /* part of a state's size below which it is zero but for rounding, which tells nothing */
 #define REACH_OF_STATE 2.0   /* a state is at most about this many times what the measured outputs suggest */
 #define PART_OF_INPUT 0.1    /* of an input, by which what lags behind it may be off at first */
@@ -56,6 +59,7 @@ typedef struct {
     double *to[FB_LANES];                     /* and where their misfits go */
     int n_free, free[FB_ROOM(N_STATES)];      /* states that are not known exactly, */
     double centre[FB_ROOM(N_STATES)], size[FB_ROOM(N_STATES)]; /* what is known of all beforehand, mean and sd */
+    double from[FB_ROOM(N_STATES)];           /* where laws have values: the stated means, if they have there */
     Guess guesses[GUESSES];
     double rows[FB_ROOM(N_STATES)][FIRST_READINGS + 2 * N_STATES]; /* reflections, see `triangularise` */
     double diagonal[FB_ROOM(N_STATES)];
@@ -197,9 +201,40 @@ static double sum_of_squares(const double *of, int64_t n)
     return sum;
 }
 
+/* Whether all laws have values at `from`; the misfits there go to `base`. */
+static int has_values(double *base, SolveMemory *memory)
+{
+    ask(memory->from, 0, 0.0, base, memory);
+    answer(memory);
+    for (int64_t k = 0; k < memory->n_readings; k++)
+        if (fabs(base[k]) >= RUN_AWAY) return 0;
+    return 1;
+}
+
+/* Set `from` to where laws have values: as stated, else where the plant settles, else the decade of the unknown states in which
+   the readings are nearest. */
+static void find_footing(const int *unknown, int n, double *base, SolveMemory *memory)
+{
+    double least = INFINITY, tried = LEAST_TRIED, nearest = LEAST_TRIED;
+    memcpy(memory->from, START_MEAN, sizeof memory->from);
+    if (has_values(base, memory)) return;
+    memcpy(memory->from, memory->centre, sizeof memory->from);
+    if (has_values(base, memory)) return;
+    for (int decade = 0; decade <= DECADES; decade++) {
+        const double at = decade < DECADES ? tried : nearest;
+        for (int c = 0; c < n; c++) memory->from[unknown[c]] = START_MEAN[unknown[c]] + at * (1.0 + APART * (double)(n - c));
+        has_values(base, memory);
+        const double square = sum_of_squares(base, memory->n_readings);
+        if (square < least) {
+            least = square;
+            nearest = at;
+        }
+        tried *= 10.0;
+    }
+}
+
 /* The size of each unknown state at which it would explain outputs as large as the measured ones. By secants of
-   that size, not by slopes: at rest the slope of a turbulent flow says nothing about the plant in use. Where a law has no
-   value at the start that is stated, as a quotient by a flow of 0, from where the plant settles. */
+   that size, not by slopes: at rest the slope of a turbulent flow says nothing about the plant in use. */
 static void find_sizes(double (*samples)[N_SAMPLE], const int *unknown, int n, SolveMemory *memory)
 {
     double *base = memory->guesses[0].misfit, *size = memory->size, squares = 0.0, effect[FB_ROOM(N_STATES)];
@@ -209,14 +244,9 @@ static void find_sizes(double (*samples)[N_SAMPLE], const int *unknown, int n, S
             squares += measured * measured;
         }
     const double total = sqrt(squares) + sqrt((double)memory->n_readings);
-    const double *from = START_MEAN;
-    ask(from, 0, 0.0, base, memory);
-    answer(memory);
-    for (int64_t k = 0; k < memory->n_readings; k++)
-        if (fabs(base[k]) >= RUN_AWAY) from = memory->centre;
-    if (from == memory->centre) ask(from, 0, 0.0, base, memory);
+    find_footing(unknown, n, base, memory);
     for (int secant = 0; secant < START_SECANTS; secant++) {
-        for (int c = 0; c < n; c++) ask(from, unknown[c], size[unknown[c]], memory->guesses[0].slope[c], memory);
+        for (int c = 0; c < n; c++) ask(memory->from, unknown[c], size[unknown[c]], memory->guesses[0].slope[c], memory);
         answer(memory);
         for (int c = 0; c < n; c++) {
             double *slope = memory->guesses[0].slope[c], *own = &size[unknown[c]];
@@ -346,13 +376,13 @@ static double cost_of(const double *state, const double *misfit, const SolveMemo
     return sum_of_squares(misfit, memory->n_readings) + away;
 }
 
-/* Begin all guesses: settled, and away from zero on the positive side. */
+/* Begin all guesses: settled, where laws have values, and away from zero on the positive side. */
 static void begin_guesses(SolveMemory *memory)
 {
     static const double parts[] = {0.0, 0.0, 0.3, 1.0};
     for (int g = 0; g < GUESSES; g++) {
         Guess *guess = &memory->guesses[g];
-        memcpy(guess->state, g == 0 ? memory->centre : START_MEAN, sizeof guess->state);
+        memcpy(guess->state, g == 0 ? memory->centre : g == 1 ? memory->from : START_MEAN, sizeof guess->state);
         for (int c = 0; g > 0 && c < memory->n_free; c++)
             guess->state[memory->free[c]] += parts[g] * memory->size[memory->free[c]] / REACH_OF_STATE;
         guess->damping = 1e-3;

@@ -190,3 +190,39 @@ def test_a_plant_whose_steps_run_away_starts_where_its_sensors_say() -> None:
     assert [state.name for state in spec.states] == ["line.e", "rod.f"]
     assert np.all(np.abs(mean - [60e5, 0.1]) < 4.0 * np.sqrt(np.diag(covariance)))
     assert np.all(np.abs(mean / [60e5, 0.1] - 1.0) < 0.05)
+
+
+GAS = """
+name: two vessels of compressed air
+sample_time: 1 s
+inputs: {{w: {{unit: g/s}}}}
+constants: {{RT: 85000 J/kg, eps: 1 Pa, usual: 7 bar}}
+components:
+  source: {{type: Sf, law: f = w}}
+  one: {{type: C, law: e = q*RT/V1, parameters: {{V1: 5 m^3}}}}
+  dryer: {{type: R, law: "{law}", parameters: {{K: 1.3e13 Pa^2*s^2/kg^2}}}}
+  two: {{type: C, law: e = q*RT/V2, parameters: {{V2: 1.6 m^3}}}}
+  user: {{type: R, law: f = e/R, parameters: {{R: 1e7 Pa*s/kg}}}}
+junctions: {{a: 0, line: 1, b: 0}}
+bonds: [source -> a -> one, a -> line -> dryer, line -> b -> two, b -> user]
+sensors:
+  p1: {{reads: a.e, unit: bar, noise: {noise} bar}}
+  p2: {{reads: b.e, unit: bar, noise: {noise} bar}}
+"""
+
+
+@pytest.mark.parametrize("noise", [0.005, 0.5])
+@pytest.mark.parametrize(
+    "law", ["e = K*f*abs(f)/(a.e + b.e)", "e = K*f*abs(f)/usual", "e = K*f*abs(f)/(a.e + b.e + eps)"]
+)
+def test_laws_without_a_value_where_all_is_empty(law: str, noise: float) -> None:
+    """The flow has no value at no pressure, or no slope between equal ones: the start is where the sensors say."""
+    spec, core = build_engine(graph := parse_model(GAS.format(law=law, noise=noise)))
+    time = np.asarray(np.arange(START_SAMPLES), dtype=np.float64)
+    inputs = Inputs(time=time, values=np.full((len(time), 1), 0.07))
+    made = simulate(graph, inputs, seed=1, start={"one.q": 7.2e5 * 5.0 / 85000.0, "two.q": 7.0e5 * 1.6 / 85000.0})
+    samples = [Sample(time=t, dt=1.0, u=u, y=y) for t, u, y in zip(time, made.inputs, made.outputs, strict=True)]
+    mean, covariance = solved(core, packed(spec, tuple(samples)))
+    assert [state.name for state in spec.states] == ["a.e", "b.e"]
+    assert np.all(np.abs(mean - [7.2e5, 7.0e5]) < 4.0 * np.sqrt(np.diag(covariance)))
+    assert np.all(np.abs(mean - [7.2e5, 7.0e5]) < 1e5 * noise)
