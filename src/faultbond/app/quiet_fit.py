@@ -32,6 +32,7 @@ from faultbond.synthesis.engine import build_model
 
 LEAST = 60  # samples of a part of the recordings
 SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a standard error or so
+PATIENCE = 60.0  # s of a processor for the smallest faults of a model; usual plants take 2 to 10
 SPARE = 1.05  # times what it takes: a wider accuracy lets a parameter move a little farther
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 
@@ -352,4 +353,4 @@ def _smallest_in(graph: BondGraph, core: Core, samples: Sequence[Sample] | None)
     """Give the smallest faults of a plant in a run, by default a usual one, in which it holds all the time."""
     always = without_states(graph) if samples is None else graph
     core = core if always == graph else build_watcher(always)
-    return tuple(smallest_faults(build_model(always), core.spec, core, samples))
+    return tuple(smallest_faults(build_model(always), core.spec, core, samples, seconds=PATIENCE))

@@ -30,7 +30,7 @@ FB_SELDOM
 #define WIDER 3.0            /* how much wider than the fit says the start is: the same samples are filtered again */
 #define LEAST_TRIED 1e-6     /* size of a state, SI, at which laws are tried that have no value where they begin, */
 #define DECADES 16           /* and how often ten times as much */
-#define APART 0.125          /* parts by which states are apart there, as a flow may have no slope between equal pressures */
+#define UNEQUAL 0.125        /* parts by which states are apart there, as a flow may have no slope between equal pressures */
 #define NOTHING_OF_SIZE 1e-9 /* part of a state's size below which it is zero but for rounding, which tells nothing */
 #define REACH_OF_STATE 2.0   /* a state is at most about this many times what the measured outputs suggest */
 #define PART_OF_INPUT 0.1    /* of an input, by which what lags behind it may be off at first */
@@ -222,7 +222,7 @@ static void find_footing(const int *unknown, int n, double *base, SolveMemory *m
     if (has_values(base, memory)) return;
     for (int decade = 0; decade <= DECADES; decade++) {
         const double at = decade < DECADES ? tried : nearest;
-        for (int c = 0; c < n; c++) memory->from[unknown[c]] = START_MEAN[unknown[c]] + at * (1.0 + APART * (double)(n - c));
+        for (int c = 0; c < n; c++) memory->from[unknown[c]] = START_MEAN[unknown[c]] + at * (1.0 + UNEQUAL * (double)(n - c));
         has_values(base, memory);
         const double square = sum_of_squares(base, memory->n_readings);
         if (square < least) {
