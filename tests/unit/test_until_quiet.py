@@ -34,12 +34,13 @@ from faultbond.fit.imperfections import (
     with_imperfections,
 )
 from faultbond.fit.innovations import Variant
+from faultbond.fit.offset import centred
 from faultbond.fit.quiet_search import WORTH, Search
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.trial import ROOM, enough, on_trial, stays_below, strayed_on
 from faultbond.io.recording import write_recording
 from faultbond.model.amend import amended
-from faultbond.model.graph import BondGraph
+from faultbond.model.graph import BondGraph, SlowError
 from faultbond.model.parser import to_text
 from faultbond.model.text import load_model, parse_model
 from faultbond.report.fit_result import Fitted
@@ -399,6 +400,49 @@ def test_a_law_that_is_off_by_a_constant_gets_it(drop: float, tmp_path: Path) ->
     assert offset.accuracy < 0.1 * abs(drop)
     assert not offset.suspect
     assert "law: e = R*f + R_e_offset" in (tmp_path / "new.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("gains", "kept", "refused"), [((50.0, 50.0), "a", ""), ((2.0, 50.0), "b", "a"), ((2.0, 2.0), None, "ab")]
+)
+def test_an_offset_has_to_foretell_better(gains: tuple[float, float], kept: str | None, refused: str) -> None:
+    """The likeliest is tried first, at its likeliest size; what gains nothing is not asked for again."""
+    names = ("a", "b", "far", "here", "sensor", "wandering", "unlawful")
+    errors = tuple(
+        SlowError(
+            target=name,
+            sd=0.1,
+            relative=name == "b",
+            memory=9.0,
+            is_sensor=name == "sensor",
+            wanders=name == "wandering",
+        )
+        for name in names
+    )
+    graph = replace(parse_model(MODEL, file="m.yaml"), slow_errors=errors)
+    stand = Footing(graph=graph, values={"here_offset": 1.0}, starts={})
+    worth = {("a", 0.3): 90.0, ("a", 0.15): 9.0, ("b", -6.0): 80.0, ("far", 0.6): 4.0}  # nats
+    worth |= {(name, 0.3): 99.0 for name in names[3:]}  # there already, or no law
+
+    def asking(_: Footing) -> tuple[dict[str, float], Callable[[Sequence[Imperfection]], list[float]]]:
+        return {"b": 20.0}, lambda tried: [worth.get((item.place, round(item.size, 9)), 1.0) for item in tried]
+
+    asked: list[Imperfection] = []
+
+    def ground(_: Footing, items: Sequence[Imperfection]) -> object:
+        asked.extend(items)
+        held = dict(zip("ab", gains, strict=True))[items[0].place]
+        return SimpleNamespace(climbed=lambda stand, item: replace(stand, held=held, values={item.place: item.size}))
+
+    laws = {name: (name, 0) for name in names[:-1]}
+    search = SimpleNamespace(laws=laws, refused=set(), tell=lambda _: None, asking=asking, ground_with=ground)
+    found = centred(cast("Search", search), stand)
+    assert [(item.place, round(item.size, 9)) for item in asked] == [("a", 0.3), ("b", -6.0)][: 1 + (kept != "a")]
+    assert (found and next(iter(found.values))) == kept
+    assert {place for _, place in search.refused} == set(refused)
+    if kept is None:
+        assert centred(cast("Search", search), stand) is None
+        assert len(asked) == 2
 
 
 def test_an_offset_stands_in_the_law_as_it_is_written() -> None:
