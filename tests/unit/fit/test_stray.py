@@ -191,12 +191,13 @@ def test_what_is_missing_is_kept_where_it_explains_as_much(case: dict[str, float
 
 
 def test_each_is_asked_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What strays whatever is added is not asked again round by round."""
+    """What strays whatever is added is not asked again round by round; a law's offset is, before all else is."""
     asked: set[str] = set()
     calls: list[str] = []
     monkeypatch.setattr("faultbond.app.quiet_fit.strayed", lambda *_: frozenset({"R"}))
     monkeypatch.setattr("faultbond.app.quiet_fit.cured", lambda *_: calls.append("cured"))
+    monkeypatch.setattr("faultbond.app.quiet_fit.centred", lambda *_: calls.append("centred"))
     search = cast(Search, SimpleNamespace(better=lambda _: calls.append("better")))
     for _ in range(2):
         assert _next(search, cast(Footing, None), asked) is None
-    assert calls == ["cured", "better", "better"]
+    assert calls == ["cured", "centred", "better", "centred", "better"]
