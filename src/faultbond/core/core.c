@@ -176,11 +176,12 @@ int64_t fb_solve_start(void *work, int64_t n, const double *samples, const doubl
                        double *covariance)
 {
     Work *memory = (Work *)work;
+    FirstMemory *first = &memory->bank.first;
     const int64_t count = n < MOST_FIRST ? n : MOST_FIRST;
     prepare_filters(&memory->filters);
-    memcpy(memory->gathered, samples, (size_t)count * sizeof memory->gathered[0]);
+    memcpy(first->samples, samples, (size_t)count * sizeof first->samples[0]);
     memset(&memory->normal, 0, sizeof memory->normal);
-    solve_start(memory->gathered, count, known, (int)again, &memory->normal, mean, covariance, &memory->start.solve,
+    solve_start(first->samples, count, known, (int)again, &memory->normal, mean, covariance, &first->solve,
                 &memory->filters.plain);
     return count;
 }

@@ -66,11 +66,12 @@ static void mark_returns(uint8_t *marks, const Trail *trail)
             mark(marks, trail, place, REQUIRED);
 }
 
-/* Begin a search; `change`: place of the onset that the detector estimates. That is tried, and where the innovations
+/* Begin a search; `change`: place of the onset that the detector estimates; `early`: 1 where lanes may begin at the first sample of
+   all, which is tried. So is that estimate, and where the innovations
    became wild: what happens within a few samples, as a jump does whose trace the plant soon loses, only fits a lane that
    begins there. A bank with many lanes would take too long to begin at all places; it tries fewer, and one with very many
    only some about `change`. */
-static void begin_search(const Trail *trail, int64_t change, Search *search)
+static void begin_search(const Trail *trail, int64_t change, int early, Search *search)
 {
     const int64_t size = (int64_t)N_PLANNED * TRIANGLE(PLAIN_JOINT);
     uint8_t marks[DEPTH] = {0};
@@ -86,13 +87,15 @@ static void begin_search(const Trail *trail, int64_t change, Search *search)
     } else {
         mark_usual(marks, trail, size > MANY);
     }
-    search->n = 0;
+    search->n = search->early = early;
+    search->place[0] = 0;
+    search->standing[0] = REQUIRED;
     for (int64_t place = 1; place < trail->n && search->n < MOST_ONSETS; place++) {
         if (!marks[place]) continue;
         search->place[search->n] = place;
         search->standing[search->n++] = marks[place] - 1;
     }
-    if (search->n == 0) {
+    if (search->n == early) {
         search->place[search->n] = trail->n - 1;
         search->standing[search->n++] = WANTED;
     }
@@ -115,6 +118,7 @@ static void begin_near(const int64_t *places, Search *search)
     int64_t last = -1;
     for (int64_t k = 0; k < search->n; k++) search->standing[k] = SPARE;
     for (int l = 0; l < GROUP; l++) search->standing[nearest_onset(search, places[l])] = REQUIRED;
+    if (search->early && search->standing[0] == REQUIRED) search->standing[1] = REQUIRED; /* one beside it, for the mean */
     for (int64_t k = 0; k < search->n; k++) {
         if (search->standing[k] != REQUIRED) continue;
         if (last >= 0 && k - last > 2 * COARSE) search->standing[(last + k) / 2] = REQUIRED;
@@ -141,17 +145,17 @@ static int moves(const Search *search, int64_t one, int64_t two)
     return 0;
 }
 
-/* The onset after k that was tried, or before it; -1: none. */
+/* The onset after k that was tried, or before it, but for one that stands apart; -1: none. */
 static int64_t tried_after(const Search *search, int64_t k)
 {
-    for (k++; k < search->n; k++)
+    for (k = k < search->early ? search->early : k + 1; k < search->n; k++)
         if (search->standing[k] == TRIED) return k;
     return -1;
 }
 
 static int64_t tried_before(const Search *search, int64_t k)
 {
-    for (k--; k >= 0; k--)
+    for (k--; k >= search->early; k--)
         if (search->standing[k] == TRIED) return k;
     return -1;
 }
@@ -168,19 +172,18 @@ static int64_t next_wanted(const Search *search)
     return -1;
 }
 
-/* The onset that is tried next, -1 if those that were suffice: one farther out where an end still matters, twice as
-   far each time, or one between two
-   where a likelihood moves. */
-static int64_t next_onset(const Search *search)
+/* The onset but the first sample of all that is tried next, -1 if those that were suffice: one farther out where an end still matters,
+   twice as far each time, or one between two where a likelihood moves. */
+static int64_t next_later(const Search *search)
 {
-    for (int64_t k = 0; k < search->n; k++)
+    for (int64_t k = search->early; k < search->n; k++)
         if (search->standing[k] == REQUIRED) return k;
     const int64_t wanted = next_wanted(search), first = tried_after(search, -1), last = tried_before(search, search->n);
     if (wanted >= 0) return wanted;
     if (search->fixed) return -1;
-    if (first > 0 && matters(search, first)) {
+    if (first > search->early && matters(search, first)) {
         const int64_t step = 2 * (tried_after(search, first) - first), next = first - (step > COARSE ? step : COARSE);
-        return next > 0 ? next : 0;
+        return next > search->early ? next : search->early;
     }
     if (last + 1 < search->n && matters(search, last)) {
         const int64_t step = 2 * (last - tried_before(search, last)), next = last + (step > COARSE ? step : COARSE);
@@ -189,6 +192,14 @@ static int64_t next_onset(const Search *search)
     for (int64_t k = first, after; (after = tried_after(search, k)) >= 0; k = after)
         if (after - k > 1 && moves(search, k, after)) return (k + after) / 2;
     return -1;
+}
+
+/* The onset that is tried next; -1 if those that were suffice. The first sample of all comes last: what a sensor says there is no
+   measure of what its neighbours say elsewhere. */
+static int64_t next_onset(const Search *search)
+{
+    const int64_t next = next_later(search);
+    return next < 0 && search->early && search->standing[0] != TRIED ? 0 : next;
 }
 
 /* Keep those lanes of a group that began at onset k which are likelier than the best of the onsets before. said: [GROUP],
@@ -222,6 +233,7 @@ static void mean_over_onsets(const Search *search, double *mean)
     for (int l = 0; l < GROUP; l++) {
         int64_t k = tried_after(search, -1), after;
         double total = search->said[k][l];
+        if (search->early && search->standing[0] == TRIED) total = log_add(total, search->said[0][l]);
         for (; (after = tried_after(search, k)) >= 0; k = after) {
             const double n = (double)(search->place[after] - search->place[k]);
             total = log_add(total, sum_between(search->said[k][l], search->said[after][l], n));

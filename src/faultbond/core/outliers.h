@@ -44,7 +44,6 @@ typedef struct {
 } Told;
 
 typedef struct {
-    SolveMemory solve;
     Fit fits[3]; /* the one that is kept, and two for the next */
     double again[MOST_FIRST][N_SAMPLE], weighted[MOST_FIRST][N_SAMPLE]; /* samples with inputs refused; as they are fitted */
     double factor[FIRST_READINGS], sorted[MOST_FIRST], apart[MOST_FIRST];
@@ -62,6 +61,7 @@ typedef struct {
     int again;
     const Normal *normal;
     StartMemory *memory;
+    SolveMemory *solve;
     Filter_plain *work;
 } Task;
 
@@ -123,8 +123,8 @@ static void fit_start(const Task *task, double (*samples)[N_SAMPLE], const uint8
         }
     }
     solve_start(memory->weighted, task->count, task->known, task->again, task->normal, fit->mean, fit->covariance,
-                &memory->solve, task->work);
-    find_misfits(samples, task->count, task->known, task->normal, fit->mean, fit->misfit, &memory->solve, task->work);
+                task->solve, task->work);
+    find_misfits(samples, task->count, task->known, task->normal, fit->mean, fit->misfit, task->solve, task->work);
     for (int64_t k = 0; k < task->count * N_OUTPUTS; k++) fit->misfit[k] = fabs(fit->misfit[k]);
 }
 
@@ -372,9 +372,9 @@ static int64_t go_without(State *state, double (*samples)[N_SAMPLE], int64_t cou
    lose what was wild. `mean` [N_STATES], `covariance` [AT_SLOT][AT_SLOT], `known`, `again`: see `solve_start`.
    Gives how many values were wild. */
 static int64_t begin(State *state, int64_t count, const double *known, int again, double (*samples)[N_SAMPLE],
-                     double *mean, double *covariance, StartMemory *memory, Filter_plain *work)
+                     double *mean, double *covariance, StartMemory *memory, SolveMemory *solve, Filter_plain *work)
 {
-    const Task task = {count, known, again, &state->normal, memory, work};
+    const Task task = {count, known, again, &state->normal, memory, solve, work};
     memset(memory->refused, 0, sizeof memory->refused);
     Fit *fit = fit_robustly(&task, samples, &memory->fits[0], &memory->fits[1]);
     memory->n_suspected = 0;

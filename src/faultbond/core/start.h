@@ -71,6 +71,13 @@ typedef struct {
     double led[FB_ROOM(N_STATES)][FB_ROOM(N_UNKNOWN)]; /* slopes of the states that were found by what is unknown */
 } SolveMemory;
 
+/* Memory of beginning from the first samples: these, packed, and what was solved from them. `known`: a lane whose parameters hold. */
+typedef struct {
+    double samples[MOST_FIRST][N_SAMPLE], known[PLAIN_NUMBERS];
+    double mean[FB_ROOM(N_STATES)], covariance[FB_ROOM(AT_SLOT * AT_SLOT)], lane[PLAIN_NUMBERS];
+    SolveMemory solve;
+} FirstMemory;
+
 /* Covariance of numbers i <= j of z of a healthy plant, j being no state; `known`: a lane whose parameters hold, or
    NULL. */
 static double healthy_covariance(const double *known, int i, int j)

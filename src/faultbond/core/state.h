@@ -49,6 +49,12 @@ typedef struct {
     Row rows[N_ROWS];
 } Past;
 
+/* From which samples the filter began last: the number of the first (-1: not here), how many its start was solved from, and whether
+   it had run before. */
+typedef struct {
+    int64_t sample, count, again;
+} Beginning;
+
 /* GROUP lanes side by side: number k of lane l is [k][l]. */
 typedef double PlainBlock[PLAIN_NUMBERS][GROUP];
 typedef double WideBlock[WIDE_NUMBERS][GROUP];
@@ -83,6 +89,7 @@ typedef struct {
     int64_t best[GROUP];             /* which that is */
     double least;                    /* lanes whose best onset is less likely do not count */
     int64_t fixed;                   /* 1: only those are tried that surely are */
+    int64_t early;                   /* 1: the first of them is the first sample of all, and stands apart */
 } Search;
 
 /* How the size of each lane of a group walks while its input settles: samples that it takes, in so many steps (0: it
@@ -161,6 +168,7 @@ typedef struct {
     Sensors sensors;
     Healthy healthy;
     Past past;
+    Beginning beginning;
     double refused[PENDING][N_SAMPLE]; /* samples as they are if the inputs that wait are real; number k is [k % PENDING] */
     Bank bank;
     Job job;

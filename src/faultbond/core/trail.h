@@ -15,6 +15,7 @@ typedef struct {
     int64_t alarm;         /* place of the alarm */
     int64_t first;         /* earliest place that may be an onset; 0: any */
     const double *old;     /* the healthy lane as it stood long ago, before a slow drift taught it wrongly; NULL: not kept */
+    const Beginning *beginning; /* where the oldest sample is the first of all; else NULL */
     int n_bursts;
     int64_t bursts[MOST_BURSTS]; /* places at which innovations became wild */
 } Trail;
@@ -68,11 +69,13 @@ static void forget_slow_errors(double *lane)
 }
 
 /* Say from where on an onset is sought: after the warm-up, while a model is at its worst and a lane of any fault gains by that.
-   A fault that came earlier and showed has raised an alarm soon after, or without a sum; one that did not show begins as well later. */
-static void find_first(const Clock *clock, const Alarm *alarm, Trail *trail)
+   A fault that came earlier and showed has raised an alarm soon after, or without a sum; one that did not show begins as well later.
+   The first sample of all stands apart, see first.h. */
+static void find_first(const Clock *clock, const Alarm *alarm, const Beginning *beginning, Trail *trail)
 {
     const int64_t warm = clock->begun + WARM_UP_SAMPLES - trail->oldest;
     trail->first = warm > 1 && !alarm->slow && trail->alarm >= warm + WARM_UP_SAMPLES ? warm : 1;
+    trail->beginning = beginning->sample == trail->oldest ? beginning : NULL;
 }
 
 /* Places at which innovations became wild up to the alarm, in order; the wildest if there are many. The first sample tells

@@ -21,13 +21,18 @@ typedef struct {
     Diagnosis found; /* where nobody asked for one */
     double lane[PLAIN_NUMBERS];  /* the healthy lane after the sample */
     Normal normal; /* where nothing was accepted */
-    double known[PLAIN_NUMBERS]; /* one whose parameters hold, as they were accepted */
     double earlier[FB_ROOM(N_INPUTS)], packed[N_SAMPLE];
     double walks[FB_ROOM(TRIANGLE(N_PARAMETERS))];
-    double gathered[MOST_FIRST][N_SAMPLE], mean[FB_ROOM(N_STATES)], covariance[FB_ROOM(AT_SLOT * AT_SLOT)];
 } Work;
 
 FB_SELDOM
+
+/* The first samples are not kept any more. */
+static void forget_beginning(Beginning *beginning)
+{
+    beginning->sample = -1;
+    beginning->count = beginning->again = 0;
+}
 
 /* Begin to learn what the sensors show, and how far the states go. */
 static void begin_shown(Sensors *sensors)
@@ -73,6 +78,7 @@ static void begin_state(State *state, double t0, int64_t quiet)
     clear_bank(state);
     forget_sure(&state->sure);
     state->alarm.walker = state->alarm.window = state->alarm.old = -1;
+    forget_beginning(&state->beginning);
 }
 
 FB_OFTEN
@@ -154,7 +160,7 @@ static void trail_of(const State *state, Trail *trail)
     trail->n = clock->index - oldest + 1;
     trail->alarm = (clock->alarm >= 0 ? clock->alarm : clock->index) - oldest;
     trail->old = oldest_lane(state);
-    find_first(clock, &state->alarm, trail);
+    find_first(clock, &state->alarm, &state->beginning, trail);
     find_bursts(trail);
 }
 
@@ -208,6 +214,7 @@ static int64_t worth_starting_from(const State *state, int64_t count)
 static void gather(State *state, Report *report, Work *work)
 {
     Clock *clock = &state->clock;
+    FirstMemory *first = &work->bank.first;
     int64_t count = clock->index - clock->begun + 1;
     int again = 0; /* the filter ran before: the start that the model gives is long past */
     for (int64_t i = 0; i < PLAIN_NUMBERS; i++) again |= state->healthy.lane[i] != 0.0;
@@ -217,28 +224,28 @@ static void gather(State *state, Report *report, Work *work)
     clock->begun = clock->index - count + 1;
     if (count > MOST_FIRST) count = MOST_FIRST;
     for (int64_t k = 0; k < count; k++)
-        memcpy(work->gathered[k], row_of(&state->past, clock->index - count + 1 + k)->sample, sizeof work->gathered[k]);
-    const double *known = clock->accepted >= 0 ? work->known : NULL;
+        memcpy(first->samples[k], row_of(&state->past, clock->index - count + 1 + k)->sample, sizeof first->samples[k]);
+    const Beginning beginning = {clock->index - count + 1, count, again};
+    const double *known = known_at_first(clock, &state->normal, first);
     double innovations[2 * N_OUTPUTS];
-    memcpy(work->known, state->normal.lane, sizeof work->known);
-    forget_slow_errors(work->known);
-    const int64_t wild = begin(state, count, known, again, work->gathered, work->mean, work->covariance, &work->start,
-                               &work->filters.plain);
-    healthy_lane(work->mean, work->covariance, AT_SLOT, known, work->lane);
+    const int64_t wild = begin(state, count, known, again, first->samples, first->mean, first->covariance, &work->start,
+                               &first->solve, &work->filters.plain);
+    state->beginning = beginning;
+    healthy_lane(first->mean, first->covariance, AT_SLOT, known, work->lane);
     begin_walks(&state->healthy, work->lane, row_of(&state->past, clock->begun)->time);
     begin_shown(&state->sensors);
     for (int64_t k = 0; k < count; k++) {
         Row *row = row_of(&state->past, clock->index - count + 1 + k);
-        advance_one(work->lane, work->gathered[k], &state->normal, innovations, &work->filters.plain);
-        memcpy(row->sample, work->gathered[k], sizeof row->sample);
+        advance_one(work->lane, first->samples[k], &state->normal, innovations, &work->filters.plain);
+        memcpy(row->sample, first->samples[k], sizeof row->sample);
         memcpy(row->lane, work->lane, sizeof row->lane);
-        row->wildness = wildness_of(work->gathered[k], innovations);
-        see(&state->sensors, work->gathered[k]);
+        row->wildness = wildness_of(first->samples[k], innovations);
+        see(&state->sensors, first->samples[k]);
     }
     if (is_sound(work->lane)) {
         clock->running = 1;
         memcpy(state->healthy.lane, work->lane, sizeof state->healthy.lane);
-        report_filter(state, WARMING, work->gathered[count - 1], innovations, report);
+        report_filter(state, WARMING, first->samples[count - 1], innovations, report);
     } else {
         lose(state);
         report_nothing(report, LOST);
@@ -389,6 +396,7 @@ static void watch(State *state, const Sample *told, Report *report, Diagnosis *f
         }
     }
     memcpy(report->left_out, left_out, sizeof left_out);
+    if (state->clock.alarm < 0 && state->clock.index - state->beginning.sample >= DEPTH) forget_beginning(&state->beginning);
     state->clock.index++;
 }
 

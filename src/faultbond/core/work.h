@@ -10,6 +10,7 @@
 #define FB_WORK_H
 
 #include "couples.h"
+#include "first.h"
 #include "ramps.h"
 
 FB_SELDOM
@@ -36,6 +37,7 @@ enum { OPENING, NEAR_ONSETS, CLOSER, CATCHING_UP };           /* and what is don
 typedef struct {
     StepMemory steps;
     SlotMemory slots;
+    FirstMemory first;
     double innovations[2 * N_OUTPUTS][FB_ROOM(N_LANES)];
 } BankMemory;
 
@@ -157,7 +159,7 @@ static void trail_of_job(const State *state, Trail *trail)
     trail->n = job->end - job->oldest + 1;
     trail->alarm = state->clock.alarm - job->oldest;
     trail->old = job->old >= 0 ? state->healthy.snapshots[job->old] : NULL;
-    find_first(&state->clock, &state->alarm, trail);
+    find_first(&state->clock, &state->alarm, &state->beginning, trail);
     find_bursts(trail);
 }
 
@@ -198,7 +200,10 @@ static void keep_likely(Job *job)
 static void open_search(Job *job, const Trail *trail)
 {
     int64_t places[GROUP];
-    begin_search(trail, job->change, &job->search);
+    int early = 0;
+    for (int l = 0; l < GROUP && job->stage == SLOTS; l++)
+        early |= trail->beginning && is_misleading(job->lane[l]) && (job->kind == BEGINNING || job->begins[l] == job->oldest);
+    begin_search(trail, job->change, early, &job->search);
     job->search.least = job->most - HOPELESS;
     for (int l = 0; l < GROUP; l++) places[l] = job->begins[l] - job->oldest;
     if (job->pass == CLOSER || (job->kind != BEGINNING && job->stage != RESERVES)) begin_near(places, &job->search);
@@ -318,6 +323,9 @@ static void begin_onset(State *state, const Trail *trail, int64_t k, BankMemory 
         begin_ramps(job->lane, trail, place, job->peak, job->run, job->stays, &memory->slots);
     } else if (job->stage == COUPLES) {
         begin_couples(&state->bank, trail, place, job, memory->steps.later, memory->steps.lane, &memory->slots);
+    } else if (job->stage == SLOTS && place == 0 && trail->beginning) {
+        begin_at_first(job->lane, trail, job->peak, &state->clock, &state->normal, job->run, &job->walk, &memory->slots, &memory->first,
+                       &filters->plain);
     } else if (job->stage == SLOTS) {
         begin_slots(job->lane, job->kind == BEGINNING ? NULL : job->found, trail, place, job->peak, job->run, &job->walk,
                     &memory->slots);

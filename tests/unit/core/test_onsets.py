@@ -40,7 +40,7 @@ int64_t t_search(int64_t lanes, int64_t n, int64_t alarm, int64_t change, int64_
     trail.n = n;
     trail.alarm = alarm;
     trail.first = first;
-    begin_search(&trail, change, &search);
+    begin_search(&trail, change, 0, &search);
     search.least = -1e9;
     memcpy(places, search.place, sizeof search.place);
     memcpy(standing, search.standing, sizeof search.standing);
@@ -50,11 +50,12 @@ int64_t t_first(int64_t begun, int64_t oldest, int64_t alarm, int64_t slow)
 {
     static Clock clock;
     static Alarm raised;
+    static const Beginning beginning = {-1, 0, 0};
     clock.begun = begun;
     raised.slow = slow;
     trail.oldest = oldest;
     trail.alarm = alarm - oldest;
-    find_first(&clock, &raised, &trail);
+    find_first(&clock, &raised, &beginning, &trail);
     return trail.first;
 }
 int64_t t_near(const int64_t *places, int64_t *standing)

@@ -19,7 +19,7 @@ from plants import TWO_STORES
 
 ROOT = Path(__file__).parents[3]
 WRAPPERS = """
-typedef struct { StartMemory start; Filters filters; State state; Told told; double samples[MOST_FIRST][N_SAMPLE]; }
+typedef struct { StartMemory start; SolveMemory solve; Filters filters; State state; Told told; double samples[MOST_FIRST][N_SAMPLE]; }
     Test;
 int64_t t_size(void) { return (int64_t)sizeof(Test); }
 int64_t t_begin(int64_t count, const double *u, double *y, int64_t again, Test *test, double *mean, double *covariance,
@@ -42,7 +42,7 @@ int64_t t_begin(int64_t count, const double *u, double *y, int64_t again, Test *
         pack_sample(state, &sample, &state->clock, &state->inputs, state->healthy.astray, test->samples[t]);
     }
     const int64_t wild = begin(state, count, NULL, (int)again, test->samples, mean, covariance, &test->start,
-                               &test->filters.plain);
+                               &test->solve, &test->filters.plain);
     for (int64_t k = 0; k < count * N_OUTPUTS; k++) y[k] = test->samples[k / N_OUTPUTS][SAMPLE_USE + k % N_OUTPUTS];
     memcpy(inputs, state->inputs.lowest, N_INPUTS * sizeof *inputs);
     memcpy(inputs + N_INPUTS, state->inputs.highest, N_INPUTS * sizeof *inputs);
@@ -55,7 +55,7 @@ void t_lane(const double *mean, const double *covariance, int64_t n, const doubl
 }
 void t_least_squares(int64_t rows, const double *a, const double *right, double *x, double *spread, Test *test)
 {
-    SolveMemory *solve = &test->start.solve;
+    SolveMemory *solve = &test->solve;
     solve->n_free = N_STATES;
     for (int c = 0; c < N_STATES; c++) memcpy(solve->rows[c], a + c * rows, (size_t)rows * sizeof *a);
     memcpy(solve->right, right, (size_t)rows * sizeof *right);

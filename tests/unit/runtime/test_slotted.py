@@ -22,7 +22,7 @@ FAULT = Fault(parameter="R", factor=2.0, start=2.4)
 def ended(spec: EngineSpec) -> Monitor:
     """The motor with other hypotheses, so long after a fault that all have begun."""
     graph = graph_of("dc_motor_current")
-    return run(build_core(build_plant(graph), spec), recorded("dc_motor_current", 330, FAULT))[0]
+    return run(build_core(build_plant(graph), spec), recorded("dc_motor_current", 345, FAULT))[0]
 
 
 def with_sets(*sets: tuple[int, ...]) -> EngineSpec:

@@ -59,13 +59,13 @@ def alike(one: Monitor, two: Monitor, groups: Groups, layout: EngineSpec, most: 
     [("tank", (1, 2, 0, 6, 3, 5, 4, 9, 20)), ("dc_motor", (2,)), ("dc_motor_current", (4, 3, 2, 1, 0, 24, 7))],
 )
 def test_hypotheses_do_not_see_each_other(name: str, kept: tuple[int, ...]) -> None:
-    """Adding, removing or reordering hypotheses changes what no other that matters says, over 300 samples.
+    """Adding, removing or reordering hypotheses changes what no other that matters says, over 330 samples.
 
     They share the onsets that are tried, but for these each goes its own way. Larger sets are tried at the onsets that
     single parameters make likely; so where there are such sets, these stay.
     """
     graph, spec, core = plant(name)
-    samples = recorded(name, 300, FAULTS[name])
+    samples = recorded(name, 330, FAULTS[name])
     less = replace(spec, hypotheses=tuple(spec.hypotheses[k] for k in kept))
     full, reports = run(core, samples)
     part, part_reports = run(build_core(build_plant(graph), less), samples)
