@@ -19,8 +19,9 @@ from plants import TWO_STORES
 
 ROOT = Path(__file__).parents[3]
 WRAPPERS = """
-typedef struct { StartMemory start; SolveMemory solve; Filters filters; State state; Told told; double samples[MOST_FIRST][N_SAMPLE]; }
-    Test;
+typedef struct {
+    StartMemory start; SolveMemory solve; Filters filters; State state; Told told; double samples[MOST_FIRST][N_SAMPLE];
+} Test;
 int64_t t_size(void) { return (int64_t)sizeof(Test); }
 int64_t t_begin(int64_t count, const double *u, double *y, int64_t again, Test *test, double *mean, double *covariance,
                 double *inputs)
