@@ -54,6 +54,14 @@ class JunctionType(Enum):
     ONE = "1"
 
 
+class Hold(Enum):
+    """What an input is between two rows: as in the row before, as in the next one, or on the line between them."""
+
+    LAST = "last"
+    LINEAR = "linear"
+    NEXT = "next"
+
+
 class TimeGrid(Enum):
     """How the engine steps through time; NONE: it does not, each row is an observation by itself."""
 

@@ -51,7 +51,7 @@ RECORDS = {
     "trial": (
         "model model_sha256 version recordings recording samples first last promise kept between_alarms peak "
         "statistics name kind mean spread memory regions sensor of low high after_step moments begin end height side "
-        "trials factor needed walk late part mirrored"
+        "trials factor needed walk late early part mirrored"
     ),
     "fit": (
         "model model_sha256 version output recordings recording samples readings first last prediction_error "

@@ -72,7 +72,9 @@ class Both:
 def both(name: str) -> Both:
     """A built-in plant, the lamp, or a ladder."""
     made = {"lamp": LAMP, "ladder": ladder_text(3), "nine": NINE_SENSORS}
-    made |= {"linear lamp": LAMP.replace("noise: 50 mV}", "noise: 50 mV, hold: linear}")}
+    made |= {
+        f"{hold} lamp": LAMP.replace("noise: 50 mV}", f"noise: 50 mV, hold: {hold}}}") for hold in ("linear", "next")
+    }
     graph = parse_model(made[name]) if name in made else load_model(EXAMPLES / name / "model.yaml")
     (spec, core), (same, dense) = build_engine(graph), dense_filter(graph)
     assert same == spec
@@ -134,10 +136,19 @@ def innovations_apart(spec: EngineSpec, one: FloatArray, two: FloatArray) -> flo
 
 
 PLAIN = {"tank": 400, "dc_motor": 400, "dc_motor_current": 400, "rlc": 400, "rc": 1000, "cascaded_tanks": 400}
-PLAIN |= {"three_tank": 400, "lamp": 150, "ladder": 150, "pipe": 300, "skab": 400, "nine": 150, "linear lamp": 150}
+PLAIN |= {
+    "three_tank": 400,
+    "lamp": 150,
+    "ladder": 150,
+    "pipe": 300,
+    "skab": 400,
+    "nine": 150,
+    "linear lamp": 150,
+    "next lamp": 150,
+}
 NEAR = {"ladder": 1e-8, "nine": 1e-9}  # their starts are a thousand times as wide as what the sensors leave
 SLOTTED = {"tank": 200, "dc_motor_current": 200, "rlc": 200, "rc": 200, "cascaded_tanks": 100, "lamp": 35}
-SLOTTED |= {"linear lamp": 35}
+SLOTTED |= {"linear lamp": 35, "next lamp": 35}
 
 
 @pytest.mark.parametrize("name", PLAIN)

@@ -18,6 +18,7 @@ from faultbond.equations.repeated import Repeated
 from faultbond.equations.step import StepModel, build_step_model
 from faultbond.model.graph import BondGraph
 from faultbond.synthesis.specify import build_spec
+from faultbond.types import Hold
 
 SAYS_MUCH = 0.1  # variance of what is expected of a sensor, in that of its noise, from which a sample says much
 MOST_STEPS = 200  # of Newton's method, halved ones too
@@ -98,12 +99,14 @@ class DenseFilter:
     # Moving on.
 
     def predicted(self, lane: Lane, fields: Fields) -> Lane:
-        """From the sample before to this one; an input was held at `u_before`, or went linearly to `u`."""
+        """From the sample before to this one; an input was held at `u_before` or at `u`, or went linearly between."""
         spec, dt = self.spec, float(fields["dt"][0])
         z, F, Q = lane.z.copy(), np.eye(spec.n_joint), np.zeros(spec.n_joint)
         n_x = len(spec.states)
+        early = np.array([item.hold is Hold.NEXT for item in spec.inputs], dtype=bool)
+        begin = np.where(early, fields["u"], fields["u_before"])
         z[:n_x], F[:n_x], implicit = self.predict(
-            lane.z, lane.roles, fields["u_before"], lane.implicit, dt, fields["u"] - fields["u_before"]
+            lane.z, lane.roles, begin, lane.implicit, dt, fields["u"] - fields["u_before"]
         )
         Q[:n_x] = fields["gap"] ** 2
         if dt > 0.0:

@@ -19,6 +19,7 @@ from faultbond.io.grid import Counts, Grid, GridClock, GridPoint
 from faultbond.io.recording import Column, Columns, read_blocks
 from faultbond.model.graph import TimeColumn, Unit
 from faultbond.synthesis.columns_text import columns_text
+from faultbond.types import Hold
 
 SOURCE = Path(sys.modules["faultbond"].__path__[0])
 HARNESS = Path(__file__).with_suffix(".c")
@@ -69,7 +70,14 @@ def kind_of(
         slow_errors=(),
         parameters=(),
         inputs=tuple(
-            InputSpec(name=item.header, noise=0.0, settling=0.0, step=0.0, step_part=0.0, linear=is_linear)
+            InputSpec(
+                name=item.header,
+                noise=0.0,
+                settling=0.0,
+                step=0.0,
+                step_part=0.0,
+                hold=Hold.LINEAR if is_linear else Hold.LAST,
+            )
             for item, is_linear in zip(inputs, linear, strict=True)
         ),
         outputs=tuple(

@@ -1,4 +1,7 @@
-"""Inputs that go linearly from row to row: in the simulated plant, in the step, in the filter, and in a fit."""
+"""Inputs that are not held until the next row: in the simulated plant, in the step, in the filter, and in a fit.
+
+They go linearly from row to row, or a row holds what acted until then.
+"""
 
 from functools import cache
 from itertools import pairwise
@@ -37,6 +40,7 @@ bonds: [source -> one, one -> R, one -> C, held -> two, two -> R2, two -> C2]
 sensors: {v: {reads: C.e, unit: V, noise: 2 mV}, w: {reads: C2.e, unit: V, noise: 2 mV}}
 """
 STEP = RC.replace(", hold: linear", "")
+NEXT = RC.replace("hold: linear", "hold: next")
 TIME = np.arange(0.0, 30.0, 0.1)
 
 
@@ -57,17 +61,20 @@ def course() -> FloatArray:
     return np.stack([5.0 + 4.0 * np.sin(2.0 * TIME) + np.sin(9.0 * TIME), 3.0 + np.cos(4.0 * TIME)], axis=1)
 
 
-def recorded(seed: int | None = None, *faults: Fault) -> Simulation:
+def recorded(seed: int | None = None, *faults: Fault, text: str = RC) -> Simulation:
     """A recording of the circuits."""
-    return simulate(graph(), Inputs(time=TIME, values=course()), faults, seed=seed)
+    return simulate(graph(text), Inputs(time=TIME, values=course()), faults, seed=seed)
 
 
 def test_mistakes() -> None:
     """Another word, or a network without time, is refused by name and line."""
-    with pytest.raises(
-        ModelError, match=r":4: input V: hold is `last`, it stays until the next row, or `linear`, not `"
-    ):
+    ways = (
+        "hold is `last`, it stays until the next row, `next`, it was so since the row before, or `linear`, not `cubic`"
+    )
+    with pytest.raises(ModelError, match=f":4: input V: {ways}"):
         parse_model(RC.replace("linear", "cubic"))
+    with pytest.raises(ModelError, match="input V: hold: with `row_time` a sample is the mean of the rows about it"):
+        parse_model(RC.replace("sample_time: 0.1 s", "sample_time: 0.1 s\nrow_time: 0.02 s").replace("linear", "next"))
     static = (
         "name: s\nsample_time: none\ninputs: {u: {hold: linear}}\nblocks: {a: {law: x = 2*u}}\nsensors: {y: {reads: x}}"
     )
@@ -114,12 +121,25 @@ def test_a_held_input_stays_beside_it() -> None:
     assert np.abs(both.outputs[:, 0] - plain.outputs[:, 0]).max() > 0.05
 
 
-def test_an_operator_sees_the_same_plant() -> None:
+@pytest.mark.parametrize("text", [RC, NEXT])
+def test_an_operator_sees_the_same_plant(text: str) -> None:
     """Inputs that are decided row by row act as those known beforehand."""
     values = dict(zip(TIME.tolist(), course().tolist(), strict=True))
     fault = Fault(parameter="R", value=25.0, start=12.34)
-    found = simulate(graph(), Policy(time=TIME, begin=lambda: lambda time, seen: values[time]), [fault], seed=3)
-    assert found.outputs == pytest.approx(recorded(3, fault).outputs, abs=1e-9)
+    found = simulate(graph(text), Policy(time=TIME, begin=lambda: lambda time, seen: values[time]), [fault], seed=3)
+    assert found.outputs == pytest.approx(recorded(3, fault, text=text).outputs, abs=1e-9)
+
+
+def test_a_row_may_hold_what_acted_until_then() -> None:
+    """The plant is then one whose inputs are each recorded a row before, and so is the step of the filter."""
+    made, shifted = recorded(text=NEXT), np.roll(course(), -1, axis=0)
+    before = simulate(graph(STEP), Inputs(time=TIME, values=shifted), seed=None)
+    assert made.outputs[1:, 0] == pytest.approx(before.outputs[1:, 0] + 0.0, abs=1e-9)
+    assert made.outputs[:, 1] == pytest.approx(recorded().outputs[:, 1], abs=1e-9)
+    model, v = build_step_model(build_plant(graph(NEXT))), np.array([1.3, 0.2, *np.ones(4)])
+    one, two = model.follow(v, [4.0, 2.0], [7.0, 5.0], [], 0.1), model.predict(v, [7.0, 2.0], [], 0.1)
+    assert one[0].full() == pytest.approx(two[0].full(), abs=1e-14)
+    assert one[1].full() == pytest.approx(two[1].full(), abs=1e-14)
 
 
 def step_model(resistance: str = "10 ohm", capacity: str = "50 mF") -> StepModel:
@@ -162,24 +182,27 @@ def scores(text: str, made: Simulation) -> FloatArray:
     return np.array([(y - report.expected) / np.sqrt(report.variance) for y, report in pairs])
 
 
-def test_the_filter_goes_with_the_line() -> None:
+@pytest.mark.parametrize("text", [RC, NEXT])
+def test_the_filter_goes_with_the_line(text: str) -> None:
     """On a recording of such a plant innovations are as declared; a model that holds the input is ever surprised."""
-    made = recorded(8)
-    right, wrong = scores(RC, made), scores(STEP, made)
+    made = recorded(8, text=text)
+    right, wrong = scores(text, made), scores(STEP, made)
     assert np.sqrt((right**2).mean(axis=0)) == pytest.approx(1.0, abs=0.15)
     assert (wrong[:, 0] ** 2).mean() > 10.0
     assert (wrong[:, 1] ** 2).mean() == pytest.approx((right[:, 1] ** 2).mean(), rel=0.2)
 
 
-def test_a_fit_goes_with_the_line() -> None:
+@pytest.mark.parametrize("text", [RC, NEXT])
+def test_a_fit_goes_with_the_line(text: str) -> None:
     """At the true parameters the likelihood foretells a noiseless recording, to the error of its step."""
-    assert foretold(RC) < 5e-3
-    assert foretold(STEP) > 0.05
+    made = recorded(text=text)
+    assert foretold(text, made) < 5e-3
+    assert foretold(STEP, made) > 0.05
 
 
-def foretold(text: str) -> float:
-    """The largest innovation of the likelihood of a model on the noiseless recording, V."""
-    made, model = recorded(), build_step_model(build_plant(graph(text)))
+def foretold(text: str, made: Simulation) -> float:
+    """The largest innovation of the likelihood of a model on a noiseless recording, V."""
+    model = build_step_model(build_plant(graph(text)))
     begin, step = build_begin(model), build_likelihood(model)
     place, q = sample_fields(2, 2, 0, 0), nominal_q(model)
     start = begin(q, [0.0, 0.0])[0].full()[:, 0]

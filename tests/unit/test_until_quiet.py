@@ -48,6 +48,7 @@ from faultbond.report.health import health_record, where_lines
 from faultbond.report.quiet_result import _added_row, amended_text, raised_text, widened_text
 from faultbond.report.verdict import unexplained_sentence
 from faultbond.runtime.core import Core
+from faultbond.types import Hold
 
 MODEL = """# a motor
 name: motor
@@ -220,6 +221,57 @@ def test_errors_tell_what_they_look_like(tmp_path: Path) -> None:
     found, said = hints(tmp_path, turned, plain)
     assert found["mirrored"] == ["i"]
     assert "i moves the other way round than expected" in said
+
+
+def a_row_later(folder: Path, plain: Path, name: str) -> Path:
+    """Write a recording in whose rows stands what acted until then; give its path."""
+    table = np.genfromtxt(plain, delimiter=",", names=True)
+    values = {"time": table["time"][1:], "V": table["V"][:-1], "i": table["i"][1:]}
+    write_recording(folder / name, values)
+    return folder / name
+
+
+def test_a_row_that_holds_what_acted_until_then_shows(tmp_path: Path) -> None:
+    """A sensor then moves in the row of the change; with `hold: next` it does not, and `fit` says so."""
+    truth = MODEL.replace("R: 3 ohm", f"R: {R} ohm").replace("nominal: 2.5 H", f"nominal: {L} H")
+    plain = write(tmp_path / "a.csv", seed=1)
+    found, said = hints(tmp_path, truth, a_row_later(tmp_path, plain, "b.csv"))
+    assert [(item["sensor"], item["of"]) for item in found["early"]] == [("i", "V")]
+    assert found["late"] == []
+    assert (
+        "i moves in the very row in which V does: does a row hold what acted until then? State `hold: next` of V"
+        in said
+    )
+    stated = truth.replace("V: {unit: V}", "V: {unit: V, hold: next}")
+    assert hints(tmp_path, stated, tmp_path / "b.csv")[0]["early"] == []
+    assert hints(tmp_path, truth, plain)[0]["early"] == []
+
+
+def test_a_controller_reads_before_it_acts(tmp_path: Path) -> None:
+    """Its input goes with the noise of the very row, against the sensor: no sign of a row that is held otherwise."""
+    rng, current, values = np.random.default_rng(5), 0.0, []
+    for k in range(1500):
+        seen = current + NOISE * rng.standard_normal()
+        voltage = 20.0 * (1.0 + (k // 100) % 2 - seen)
+        values.append((STEP * k, voltage, seen))
+        decay = np.exp(-R / L * STEP)
+        current = decay * current + (1 - decay) * voltage / R
+    write_recording(tmp_path / "c.csv", dict(zip(("time", "V", "i"), np.array(values).T, strict=True)))
+    truth = MODEL.replace("R: 3 ohm", f"R: {R} ohm").replace("nominal: 2.5 H", f"nominal: {L} H")
+    found, _ = hints(tmp_path, truth, tmp_path / "c.csv")
+    assert (found["early"], found["late"]) == ([], [])
+
+
+@pytest.mark.usefixtures("no_sizes")
+def test_a_fit_finds_what_rows_hold(tmp_path: Path, model: Path) -> None:
+    """Of recordings whose rows hold what acted until then, that is what is added first."""
+    made = [a_row_later(tmp_path, write(tmp_path / "a.csv", seed=k), f"{k}.csv") for k in (1, 2)]
+    found = records(tmp_path, model, *made, "-o", tmp_path / "new.yaml")
+    first = found["quiet"]["added"][0]
+    assert (first["kind"], first["of"], first["size"]) == ("next hold", "V", None)
+    new = load_model(tmp_path / "new.yaml")
+    assert new.input("V").hold is Hold.NEXT
+    assert new.parameter("R").nominal == pytest.approx(R, rel=0.03)
 
 
 def bare_search() -> Search:
@@ -889,6 +941,7 @@ def test_what_is_added_is_read_back(model: Path) -> None:
         Imperfection(kind=Kind.RELATIVE, place="source.e", size=0.05, memory=1.5),
         Imperfection(kind=Kind.INPUT_NOISE, place="V", size=0.2),
         Imperfection(kind=Kind.HOLD, place="V"),
+        Imperfection(kind=Kind.NEXT, place="V"),
     )
     added = [Added(what=item, trained=1.0, held=1.0) for item in items]
     back = parse_model(amended_text(MODEL, graph, added))
@@ -897,7 +950,7 @@ def test_what_is_added_is_read_back(model: Path) -> None:
     assert (sensor.target, sensor.memory, source.target, source.memory) == ("i", 2.0, "source.e", 1.5)
     assert [sensor.sd, source.sd] == pytest.approx([0.031, 0.05])
     assert back.input("V").noise == pytest.approx(0.2)
-    assert back.input("V").linear
+    assert back.input("V").hold is Hold.NEXT
     expected = with_imperfections(graph, items)
     assert [item.target for item in expected.slow_errors] == [item.target for item in back.slow_errors]
     assert expected.sensors[0].lag == back.sensors[0].lag

@@ -29,7 +29,7 @@ from typing import Protocol
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.types import CheckKind
+from faultbond.types import CheckKind, Hold
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,9 +94,14 @@ class InputSpec:
     unit_factor: float = 1.0
     unit_offset: float = 0.0  # of its unit, such as 273.15 for degC; where there is one, 0 means nothing
     ranged: bool = False  # whether the model states what it can be, so that nothing else is called wild
-    linear: bool = False  # whether it goes linearly from sample to sample, and is not held
+    hold: Hold = Hold.LAST  # what it is between two samples
     smooth: bool = False  # whether its noise is that of the record, and what acts is smooth
     healthy_bias: float = 0.0  # by which it seems to be off on healthy data, SI; 0: not known
+
+    @property
+    def linear(self) -> bool:
+        """Whether it goes linearly from sample to sample; else it is held."""
+        return self.hold is Hold.LINEAR
 
     @property
     def percent(self) -> bool:
@@ -416,7 +421,7 @@ class EngineSpec:
         """Layout of one packed sample: dt, inputs, readings and how far they count, what stays, what variances gain."""
         sizes = {
             "dt": 1,  # s since the previous sample
-            "u_before": len(self.inputs),  # at the previous sample, held since or left linearly
+            "u_before": len(self.inputs),  # at the previous sample
             "u": len(self.inputs),
             "y": len(self.outputs),
             "use": len(self.outputs),  # 1: use this value, 0: it is missing

@@ -177,11 +177,11 @@ static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample
 }
 
 /* From the sample before to this one: z and covariance move on. An input was held at `u_before`, or went linearly from there
-   to where it is. */
+   to where it is, or was there all the time. */
 static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Filter *FB_RESTRICT work)
 {
     lanes v[N_V], climb[FB_ROOM(N_INPUTS)];
-    given middle[FB_ROOM(N_INPUTS)]; /* of the step */
+    given begin[FB_ROOM(N_INPUTS)], middle[FB_ROOM(N_INPUTS)]; /* of the step */
 #if N_HELD > 0 && !defined(FB_OWN_SAMPLES)
     lanes before[FB_ROOM(N_HELD)], variance[FB_ROOM(N_HELD)];
     for (int h = 0; h < N_HELD; h++) {
@@ -190,14 +190,15 @@ static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Fi
         variance[h] = lane[AT_COVARIANCE + PLACE(HELD_STATE[h], HELD_STATE[h])];
     }
 #endif
-    joint_to_model(lane, lane, sample + SAMPLE_U_BEFORE, v);
-    const double *FB_RESTRICT u = inputs_of(sample + SAMPLE_U_BEFORE, v);
+    for (int k = 0; k < N_INPUTS; k++) begin[k] = sample[(INPUT_NEXT[k] ? SAMPLE_U : SAMPLE_U_BEFORE) + k];
+    joint_to_model(lane, lane, begin, v);
+    const double *FB_RESTRICT u = inputs_of(begin, v);
     for (int k = 0; k < N_INPUTS; k++) {
         climb[k] = INPUT_LINEAR[k] ? EACH(sample[SAMPLE_U + k] - sample[SAMPLE_U_BEFORE + k]) : broadcast(0.0);
 #if N_SLOT > 0
         climb[k] *= lane[ROLE_OBEYS + k] + lane[ROLE_INPUT_GAIN + k] * lane[AT_SLOT];
 #endif
-        middle[k] = sample[SAMPLE_U_BEFORE + k];
+        middle[k] = begin[k];
         if (INPUT_LINEAR[k]) middle[k] += 0.5 * (sample[SAMPLE_U + k] - sample[SAMPLE_U_BEFORE + k]);
     }
     integrate(v, u, climb, SHARED(sample[SAMPLE_DT]), SHARED(sample[SAMPLE_STILL]) > 0.0, lane + AT_IMPLICIT,

@@ -3,7 +3,8 @@
 Discretisation: the two-stage Rosenbrock method ROS2, gamma = 1 - 1/sqrt(2). It is of second order whatever Jacobian is
 used and L-stable, so a mode much faster than the sample time dies out instead of ringing as under the trapezoidal rule.
 Source: Verwer, Spee, Blom, Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456, eq. 1.2. An input is held over the
-step, or goes linearly; the time is then one more state, so that what follows the input fast follows it without error.
+step, as before or as after it, or goes linearly; the time is then one more state, so that what follows the input fast
+follows it without error.
 
 Implicit relations are solved by a fixed number of safeguarded Newton steps from the last solution; derivatives follow
 from the implicit function theorem.
@@ -22,6 +23,7 @@ from faultbond.equations.linear import back, eliminate, triangle
 from faultbond.equations.plant import Plant
 from faultbond.equations.repeated import Repeated
 from faultbond.errors import StructureError
+from faultbond.types import Hold
 
 GAMMA = 1.0 - 1.0 / sqrt(2.0)
 NEWTON_STEPS = 10
@@ -42,7 +44,7 @@ class StepModel:
     nearly as they are, which a filter that estimates both needs), else contents; `states` names them.
 
     predict(v, u, z, dt) -> (x_next, slope of x_next by v, z), with inputs held at u; follow(v, u_before, u, z, dt) ->
-    the same where inputs go on as the model says: linearly from u_before to u, or held.
+    the same where inputs go on as the model says: linearly from u_before to u, or held at one of the two.
     measure(v, u, z) -> (y, slope of y by v, z).
     What these are made of, where the implicit signals z are solved: rates(v, u, z) -> (rates, slope by v) and
     readings(v, u, z) -> (y, slope by v). by_hand(v, u, z) -> signals that a person can measure.
@@ -117,6 +119,7 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
     rates = _with_slope("rates", rates_, gap, arguments, places, bounds)
     readings_ = _with_slope("readings", readings, gap, arguments, places, bounds)
     linear = np.array([float(item.linear) for item in graph.inputs])
+    early = tuple(item.hold is Hold.NEXT for item in graph.inputs)
     climbing = (linear, _by_inputs(rates_, gap, arguments)) if linear.any() else None
     newton = _newton(gap, arguments)
     solved = newton(*arguments)[0]
@@ -133,7 +136,7 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
         scales=scales,
         noisy=noisy,
         rates=rates,
-        prediction=(prediction := cache(lambda: _predict(rates, newton, arguments, n_x, substeps, climbing))),
+        prediction=(prediction := cache(lambda: _predict(rates, newton, arguments, n_x, substeps, climbing, early))),
         held=cache(lambda: _held(prediction())),
         measure=measure,
         readings=readings_,
@@ -262,14 +265,17 @@ def _predict(
     n_x: int,
     substeps: int,
     climbing: tuple[FloatArray, ca.Function] | None,
+    early: tuple[bool, ...],
 ) -> ca.Function:
     """ROS2 over dt, in equal substeps; the slope treats the Jacobian inside the method as constant.
 
     climbing: 1 for inputs that go linearly over dt, else 0, and the slope of the rates by the inputs; the time is then
-    one more state of the method, whose slope is that of the rates by time.
+    one more state of the method, whose slope is that of the rates by time. early: which inputs are all the while what
+    they are at the end.
     """
-    v, u, z = arguments
-    dt, after, before = ca.SX.sym("dt"), ca.SX.sym("after", u.numel()), u
+    v, before, z = arguments
+    dt, after = ca.SX.sym("dt"), ca.SX.sym("after", before.numel())
+    u = ca.vertcat(*(after[k] if early[k] else before[k] for k in range(len(early)))) if any(early) else before
     climb = (after - before) * climbing[0] / substeps if climbing is not None else ca.SX.zeros(u.shape)
     h = dt / substeps
     x, rest = ca.vertsplit(v, [0, n_x, v.numel()])  # slicing a scalar would turn it

@@ -10,6 +10,7 @@ from faultbond.fit.imperfections import Imperfection, Kind, kind_of
 from faultbond.fit.objective import FittedPlant
 from faultbond.fit.outcome import LEAST_ACCURACY
 from faultbond.model.graph import BondGraph
+from faultbond.types import Hold
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,9 +66,9 @@ def as_found(stand: Footing) -> BondGraph:
     return replace(stand.graph, parameters=tuple(parameters))
 
 
-def in_time(graph: BondGraph) -> tuple[tuple[str, bool], ...]:
-    """Give what of a plant lags, and which inputs go on between rows."""
-    return (*((item.lag, item.linear) for item in graph.inputs), *((item.lag, False) for item in graph.sensors))
+def in_time(graph: BondGraph) -> tuple[tuple[str, Hold | None], ...]:
+    """Give what of a plant lags, and how inputs go on between rows."""
+    return (*((item.lag, item.hold) for item in graph.inputs), *((item.lag, None) for item in graph.sensors))
 
 
 def with_noise(graph: BondGraph, noise: FloatArray) -> BondGraph:

@@ -1,7 +1,8 @@
-"""What errors of a model look like: they come with the last changes of an input, or a sensor moves the other way round.
+"""What errors of a model look like: they come with changes of an input, or a sensor moves the other way round.
 
-What lags by T is behind by about T times its rate, so errors go with the last changes of what it follows. Where a bond
-or a sign is turned round, the plant alone moves against the readings.
+What lags by T is behind by about T times its rate, so errors go with the last changes of what it follows. Where
+rows hold what acted until then, and not from then on, a sensor moves in the row of the change itself. Where a bond or a
+sign is turned round, the plant alone moves against the readings.
 """
 
 from collections.abc import Sequence
@@ -36,6 +37,18 @@ class Late:
     of: str
     part: float
     by: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Early:
+    """A sensor that moves in the very row in which an input does, which it cannot feel yet by the model.
+
+    part: of the scatter of its errors.
+    """
+
+    sensor: str
+    of: str
+    part: float
 
 
 def last_changes(course: FloatArray) -> FloatArray:
@@ -79,6 +92,8 @@ def late_sensors(spec: EngineSpec, records: Sequence[HealthyRecording], watches:
         best = Late(sensor=output.name, of="", part=LEAST_PART)
         for k, known in enumerate(spec.inputs):
             changes = np.concatenate([_changes_ago(item.u[:, k]) for item in records])
+            if k not in output.direct_inputs:
+                changes = changes[:, 1:]  # what it does in the very row may follow the noise of the reading
             seen, course = _regressed(scores, changes), _regressed(moved, changes)
             if seen is None or course is None or seen[1] < CLEAR:
                 continue
@@ -89,6 +104,40 @@ def late_sensors(spec: EngineSpec, records: Sequence[HealthyRecording], watches:
                 best = Late(sensor=output.name, of=known.name, part=part, by=by)
         found += [best] if best.of else []
     return tuple(sorted(found, key=lambda item: item.part, reverse=True))
+
+
+def early_sensors(spec: EngineSpec, records: Sequence[HealthyRecording], watches: Sequence[Watch]) -> tuple[Early, ...]:
+    """Give which sensors come a row early, each with the input that tells most."""
+    found = []
+    for j, output in enumerate(spec.outputs):
+        best = Early(sensor=output.name, of="", part=LEAST_PART)
+        for k, known in enumerate(spec.inputs):
+            if k in output.direct_inputs:
+                continue
+            seen = [told_early(w.scores[:, j], r.y[:, j], r.u[:, k]) for r, w in zip(records, watches, strict=True)]
+            nats, count = sum(item[0] for item in seen), sum(item[1] for item in seen)
+            part = 1.0 - float(np.exp(-2.0 * nats / max(count, 1)))
+            if nats >= CLEAR and part > best.part:
+                best = Early(sensor=output.name, of=known.name, part=part)
+        found += [best] if best.of else []
+    return tuple(sorted(found, key=lambda item: item.part, reverse=True))
+
+
+def told_early(off: FloatArray, y: FloatArray, u: FloatArray) -> tuple[float, int]:
+    """Give how many nats it is worth that errors go with what an input did in the very row, and how many samples tell.
+
+    That the reading then goes the other way than it does after a change is a controller's doing, and tells nothing.
+
+    Parameters
+    ----------
+    off : errors of a sensor that does not feel the input at once (N,), in standard deviations
+    y, u : its readings and the input (N,)
+    """
+    changes = _changes_ago(u)
+    both, before, course = (_regressed(*of) for of in ((off, changes), (off, changes[:, 1:]), (_moved(y), changes)))
+    if both is None or before is None or course is None or both[0][0] * _largest(course[0]) <= 0.0:
+        return 0.0, int(np.isfinite(off).sum())
+    return max(both[1] - before[1], 0.0), both[2]
 
 
 def _seconds_later(records: Sequence[HealthyRecording], watches: Sequence[Watch], j: int, k: int) -> float | None:

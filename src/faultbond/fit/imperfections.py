@@ -17,6 +17,7 @@ from faultbond.equations.step import StepModel
 from faultbond.fit.likelihood import Layout
 from faultbond.model.expression import Binary, Name
 from faultbond.model.graph import BondGraph, Parameter, SlowError, Unit
+from faultbond.types import Hold
 
 MOST_FOLLOWED = 30  # states, slow errors and noise of inputs of a filter in which all is tried at once
 LEAST_PLACES = 6  # slow errors that are tried however large the plant is
@@ -35,14 +36,17 @@ class Kind(Enum):
     LAG = "lag"
     OFFSET = "offset"
     HOLD = "linear hold"
+    NEXT = "next hold"
+
+
+KIND_HOLDS = {Kind.HOLD: Hold.LINEAR, Kind.NEXT: Hold.NEXT}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Imperfection:
     """Something that a model may leave out: of which kind, of what, how large, over which time (s).
 
-    size : standard deviation, SI or in parts; of a lag its time constant, s; of an offset that, SI; a linear hold has
-    none
+    size : standard deviation, SI or in parts; of a lag its time constant, s; of an offset that, SI; a hold has none
     law : of an offset the component that gives the signal, and which of its laws does
     """
 
@@ -70,8 +74,8 @@ class Imperfection:
 
     @property
     def is_late(self) -> bool:
-        """Whether by it something comes late, or goes on between rows."""
-        return self.kind in (Kind.LAG, Kind.HOLD)
+        """Whether by it something comes late, or is another between rows."""
+        return self.kind is Kind.LAG or self.kind in KIND_HOLDS
 
     @property
     def words(self) -> str:
@@ -166,8 +170,8 @@ def with_imperfections(graph: BondGraph, added: tuple[Imperfection, ...]) -> Bon
             continue
         if not item.is_slow:
             k = next(k for k, known in enumerate(inputs) if known.name == item.place)
-            linear = item.kind is Kind.HOLD
-            inputs[k] = replace(inputs[k], linear=True) if linear else replace(inputs[k], noise=max(item.size, UNTRIED))
+            hold = KIND_HOLDS.get(item.kind)
+            inputs[k] = replace(inputs[k], hold=hold) if hold else replace(inputs[k], noise=max(item.size, UNTRIED))
             continue
         new = SlowError(
             target=item.place,
@@ -280,7 +284,7 @@ def found_in(
     """Give imperfections of a plant with the sizes and memories of q (n_q,)."""
     found = []
     for item in opened:
-        if item.kind is Kind.HOLD:
+        if item.kind in KIND_HOLDS:
             found.append(item)
             continue
         place = size_place(graph, layout, item)

@@ -6,9 +6,10 @@ slow error that stands for it is never about zero: to be quiet it has to be so l
 
 from dataclasses import replace
 
+from faultbond.fit.delays import HINT
 from faultbond.fit.foothold import Footing
 from faultbond.fit.imperfections import Imperfection, Kind, parameter_name
-from faultbond.fit.quiet_search import HINT, WORTH, Search
+from faultbond.fit.quiet_search import WORTH, Search
 
 SIZES = (-6.0, -3.0, -1.5, 1.5, 3.0, 6.0)  # times the slow error
 

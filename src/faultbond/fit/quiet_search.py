@@ -25,11 +25,12 @@ from faultbond.equations.step import StepModel, build_step_model
 from faultbond.errors import StructureError
 from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.certainty import inverse_of
+from faultbond.fit.delays import HINT, late_ones, other_holds
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
 from faultbond.fit.foothold import Added, Footing, in_time, keys_of, values_at, with_noise
-from faultbond.fit.hints import explained, last_changes
 from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit, Prior, fit_at
 from faultbond.fit.imperfections import (
+    KIND_HOLDS,
     UNTRIED,
     Imperfection,
     Kind,
@@ -73,9 +74,7 @@ LAG_GRID = 4.0  # samples: a lag for which one step of the integration is enough
 LEAST_LAG = 0.2  # samples
 NO_LAG = 1.01 * LEAST_LAG  # samples: a lag that would rather be none
 LAGS_TRIED = 2
-RESTLESS = 0.5  # of the rows, in which an input moves that is no command in steps
 SIZED = (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER, Kind.INPUT_NOISE)
-HINT = 5.0  # nats that a lag must seem to explain to be tried
 MOST_SAMPLES = 6000  # with which sizes are compared
 FEW_SAMPLES = 8000  # of the recordings with which imperfections are compared; what is kept is fitted to all
 
@@ -227,12 +226,15 @@ class Search:
         """
         slow = [item for item in self.profile(stand) if item[1] > 0.0][:TRIED]
         slow = [item for item in slow if item[1] >= PROMISING * slow[0][1]]
-        lags = [item for item, gain in self.lags(stand) if gain > HINT][:LAGS_TRIED]
-        if not slow and not lags and not self.holds(stand):
+        lags = [item for item, gain in late_ones(stand, self.trained) if gain > HINT and self._is_new(stand, item)]
+        between = [
+            item for item in other_holds(stand, self.trained, self.all.model.direct) if item.key not in self.refused
+        ]
+        if not slow and not lags and not between:
             return []
         shared = self.ground_with(stand, [item for item, _ in slow if item.key not in keys_of(stand.graph)])
         found: list[tuple[_Ground, Imperfection, float]] = []
-        for item in (*lags, *self.holds(stand)[:1]):
+        for item in (*lags[:LAGS_TRIED], *between[:1]):
             with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
                 ground = self.ground_with(stand, (item,))
                 found.append((ground, *ground.best_lag(stand, item)))
@@ -241,6 +243,9 @@ class Search:
             *((shared, item) for item, _ in slow),
             *((ground, item) for ground, item, gain in found if gain >= PROMISING * most),
         ]
+
+    def _is_new(self, stand: Footing, lag: Imperfection) -> bool:
+        return parameter_name(lag) not in stand.values and lag.key not in self.refused
 
     def ground_with(self, stand: Footing, more: Sequence[Imperfection]) -> "_Ground":
         """Give a plant that may have further imperfections."""
@@ -292,38 +297,6 @@ class Search:
         sizes = {item.what.key: item.what for item in found.added}
         kept = (replace(item, what=sizes[item.what.key]) for item in more)
         return replace(found, added=(*found.added[: len(stand.added)], *kept))
-
-    def lags(self, stand: Footing) -> list[tuple[Imperfection, float]]:
-        """Give inputs and sensors that seem to lag, with about how many nats that explains, the best first.
-
-        What lags by T is behind by about T times its rate: errors go with the last changes of what is expected of a
-        sensor, or of an input.
-        """
-        taken = set(stand.values)
-        found = []
-        for k, sensor in enumerate(self.graph.sensors):
-            parts = zip(stand.innovations, stand.expected, strict=True)
-            gain = sum(explained(off[:, k], last_changes(expected[:, k])) for off, expected in parts)
-            found.append((Imperfection(kind=Kind.LAG, place=sensor.name, is_sensor=True), gain))
-        for k, item in enumerate(self.graph.inputs):
-            parts = zip(stand.innovations, (record.u[:, k] for record in self.trained), strict=True)
-            gain = sum(explained(column, last_changes(u)) for off, u in parts for column in off.T)
-            found.append((Imperfection(kind=Kind.LAG, place=item.name), gain))
-        free = [item for item in found if parameter_name(item[0]) not in taken and item[0].key not in self.refused]
-        return sorted(free, key=lambda item: item[1], reverse=True)
-
-    def holds(self, stand: Footing) -> list[Imperfection]:
-        """Give inputs that move all the time and may go on between two rows, the likeliest first."""
-        found = []
-        for k, item in enumerate(stand.graph.inputs):
-            courses = [record.u[:, k] for record in self.trained]
-            moves = float(np.mean(np.concatenate([np.diff(u) != 0.0 for u in courses])))
-            parts = zip(stand.innovations, courses, strict=True)
-            gain = sum(explained(column, last_changes(u)) for off, u in parts for column in off.T)
-            if not item.linear and moves > RESTLESS and gain > HINT:
-                found.append((gain, Imperfection(kind=Kind.HOLD, place=item.name)))
-        best = sorted(found, key=lambda one: one[0], reverse=True)
-        return [item for _, item in best if item.key not in self.refused]
 
     def profile(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""
@@ -461,7 +434,7 @@ class _Ground:
     def with_one(self, q: FloatArray, item: Imperfection) -> FloatArray:
         """Give q with one imperfection of a size."""
         changed = q.copy()
-        if item.kind is Kind.HOLD:
+        if item.kind in KIND_HOLDS:
             return changed
         place = size_place(self.graph, self.layout, item)
         if item.is_parameter:

@@ -7,7 +7,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.fit.false_alarms import SENSOR, Rate, alarm_rates, between_alarms
-from faultbond.fit.hints import Late, late_sensors, mirrored_sensors
+from faultbond.fit.hints import Early, Late, early_sensors, late_sensors, mirrored_sensors
 from faultbond.fit.innovations import Variant, Watch, strayed_in, take_recording, watch_recording, watch_taken
 from faultbond.fit.lack_of_fit import Moment, Region, moments, wrong_regions
 from faultbond.fit.samples import HealthyRecording
@@ -43,7 +43,7 @@ class Health:
 
     walk: how far a parameter walked at most as a part of its limit, and walker, which; empty: none was judged;
     strayed: the same from where it started, of each that was ever the farthest; late: sensors that come later than the
-    model says; mirrored: those that move the other way round
+    model says; early: that come a row sooner; mirrored: those that move the other way round
     """
 
     promise: float
@@ -58,6 +58,7 @@ class Health:
     walker: str
     strayed: dict[str, float]
     late: tuple[Late, ...]
+    early: tuple[Early, ...]
     mirrored: tuple[str, ...]
 
     @property
@@ -134,6 +135,7 @@ def on_trial(
         walker=spec.parameters[farthest.walker].name if farthest.walker >= 0 else "",
         strayed=_strayed(core, [item.strayed for item in seen[0]]),
         late=late_sensors(spec, records, seen[0]),
+        early=early_sensors(spec, records, seen[0]),
         mirrored=mirrored_sensors(spec, records, seen[0]),
     )
 

@@ -30,7 +30,7 @@ from faultbond.model.graph import (
 from faultbond.model.parser import number_text, to_text
 from faultbond.model.quantities import shared_factor
 from faultbond.model.units import measure
-from faultbond.types import ElementType, TimeGrid
+from faultbond.types import ElementType, Hold, TimeGrid
 
 _PLAIN = re.compile(r"-?[A-Za-z0-9_.](?:[A-Za-z0-9_ .+\-*/^()=<>%]*[A-Za-z0-9_.+*/^()=<>%])?")
 
@@ -155,9 +155,11 @@ class _Writer:
     def input(self, item: Input) -> str:
         has_settling = not self.static and self.stated("settling", item.name, is_default=item.settling == 0)
         texts = {**self.instrument(item), "settling": _seconds(item.settling) if has_settling else ""}
-        usual = self.graph.row_time is not None  # a mean stands in the middle of what it is of
+        usual = (
+            Hold.LAST if self.graph.row_time is None else Hold.LINEAR
+        )  # a mean stands in the middle of what it is of
         texts["noise_of"] = keys.NOISES_OF[1] if item.smooth else ""
-        texts["hold"] = "" if item.linear == usual else keys.HOLDS[item.linear]
+        texts["hold"] = "" if item.hold is usual else item.hold.value
         ends = [_value(end, item.unit) for end in item.fitted_range or ()]
         texts["fitted_range"] = f"[{', '.join(ends)}]" if ends else ""
         return _flow(texts, keys.INPUT_KEYS)

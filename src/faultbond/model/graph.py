@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 from faultbond.model.expression import RATE, Call, Expression, Name, names
-from faultbond.types import CheckKind, ElementType, JunctionType, TimeGrid
+from faultbond.types import CheckKind, ElementType, Hold, JunctionType, TimeGrid
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ class Curve:
 class Input:
     """A measured or commanded input; `noise` is the SI standard deviation, `settling` in seconds.
 
-    linear: whether it goes linearly from row to row; else it is held
+    hold: what it is between two rows
     smooth: whether the noise is that of the record, and what acts is smooth; else what acts scatters
     lag: the parameter with which what acts follows the record, as a time constant; empty: at once
     lower, upper: what it can be, in SI, infinite if unknown; a value beyond is wrong
@@ -124,7 +124,7 @@ class Input:
     unit: Unit
     noise: float = 0.0
     settling: float = 0.0
-    linear: bool = False
+    hold: Hold = Hold.LAST
     smooth: bool = False
     lag: str = ""
     lower: float = -math.inf
@@ -133,6 +133,11 @@ class Input:
     healthy_bias: float = 0.0
     fitted_range: tuple[float, float] | None = None
     line: int = 0
+
+    @property
+    def linear(self) -> bool:
+        """Whether it goes linearly from row to row; else it is held."""
+        return self.hold is Hold.LINEAR
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 from faultbond.model.elements import DEFAULT_LAWS, OWN_SIGNALS
 from faultbond.model.source import NAME
+from faultbond.types import Hold
 
 Form = Mapping[str, Any]  # JSON Schema of a value; a `description` in it is a place for the sentence of a key
 
@@ -20,7 +21,7 @@ CHECK_COST = 1.0
 SENSOR_COST = 1.0
 BETWEEN = ("linear", "monotone")
 BEYOND = ("constant", "linear")
-HOLDS = ("last", "linear")
+HOLDS = tuple(item.value for item in Hold)
 NOISES_OF = ("input", "record")
 
 _NAME = f"^{NAME.pattern}$"
@@ -147,7 +148,8 @@ INPUT_KEYS = Keys(
         "settling": Key(TEXT, "after a step the model may be off for so long; default `0 s`", default="0 s"),
         "hold": Key(
             {"description": "", "enum": list(HOLDS)},
-            "`linear`: between rows it goes linearly; default it stays: `last`, and with `row_time` `linear`",
+            "`linear`: between rows it goes linearly, `next`: as in the later row; default as in the earlier one: "
+            "`last`, and with `row_time` `linear`",
         ),
         "lag": Key(LAG_KEYS, "time constant with which what acts follows the record; default: at once"),
         "range": Key(RANGE, "what it can be; a value beyond is not used; default any"),

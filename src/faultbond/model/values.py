@@ -15,6 +15,7 @@ from faultbond.model.source import Entry, shown
 from faultbond.model.spot import Spot, check_name
 from faultbond.model.units import DIMENSIONLESS, Measure, measure
 from faultbond.model.wiring import Part, Wiring
+from faultbond.types import Hold
 
 RESERVED = frozenset({"e", "f", "q", "p", "e1", "f1", "e2", "f2", *FUNCTIONS, *keyword.kwlist})
 RESERVED_IN_BLOCKS = frozenset({RATE, *FUNCTIONS, *keyword.kwlist})
@@ -160,7 +161,7 @@ class ValueReader:
             noise=noise,
             settling=settling.seconds() if settling else 0.0,
             smooth=self._is_smooth(fields["noise_of"], noise) if "noise_of" in fields else False,
-            linear=self._is_linear(fields),
+            hold=self._hold(fields),
             lag=self.lag(place, fields["lag"]) if "lag" in fields else "",
             lower=lower,
             upper=upper,
@@ -189,22 +190,26 @@ class ValueReader:
             raise place.error(": there is no `noise` beside it; state how much the record scatters, or remove it")
         return word == NOISES_OF[1]
 
-    def _is_linear(self, fields: Mapping[str, Spot]) -> bool:
-        """Whether an input goes linearly from row to row.
+    def _hold(self, fields: Mapping[str, Spot]) -> Hold:
+        """Give what an input is between two rows.
 
         Of rows that are averaged the mean about a sample is what sensors feel at once; of an input that lags nothing is
         felt at once, so what acts until the next sample may be its mean.
         """
-        averaged = self.head.row_time is not None
+        usual = Hold.LAST if self.head.row_time is None else Hold.LINEAR
         if "hold" not in fields:
-            return averaged
+            return usual
         place = fields["hold"]
         word = place.text()
         if self.head.static:
             raise place.error(": with `sample_time: none` each row stands by itself, and nothing is held; remove it")
         if word not in HOLDS:
-            raise place.error(f" is `last`, it stays until the next row, or `linear`, not `{shown(word)}`")
-        return word == "linear" or (averaged and "lag" not in fields)
+            ways = "`last`, it stays until the next row, `next`, it was so since the row before, or `linear`"
+            raise place.error(f" is {ways}, not `{shown(word)}`")
+        hold = Hold(word)
+        if hold is Hold.NEXT and usual is Hold.LINEAR:
+            raise place.error(": with `row_time` a sample is the mean of the rows about it; remove it")
+        return hold if "lag" in fields or usual is Hold.LAST else usual
 
     def lag(self, owner: Spot, stated: Spot) -> str:
         """Take the lag of an input or a sensor; give the parameter that is its time constant.

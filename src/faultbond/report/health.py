@@ -66,6 +66,7 @@ def health_record(graph: BondGraph, spec: EngineSpec, found: Health, slower: flo
         "needed": found.needed,
         "walk": {"of": found.walker or None, "peak": found.walk},
         "late": [asdict(item) for item in found.late],
+        "early": [asdict(item) for item in found.early],
         "mirrored": list(found.mirrored),
         "slower": slower,
     }
@@ -135,6 +136,10 @@ def _hints(graph: BondGraph, found: Health) -> Iterator[str]:
             by = f", by about {duration_text(item.by)}" if item.by is not None else ""
             ways = f"{_longer(graph, item.of)} or {_longer(graph, item.sensor)}"
             yield f"{item.sensor} follows changes of {item.of} later than the model says{by}: {ways}?"
+    for early in found.early:
+        if early.sensor not in found.mirrored:
+            asked = f"does a row hold what acted until then? State `hold: next` of {early.of}"
+            yield f"{early.sensor} moves in the very row in which {early.of} does: {asked}"
     if found.walk > MUCH:
         far = f"{100 * found.walk:.0f} % of the way to an alarm"
         asked = "is it a constant?"

@@ -18,7 +18,7 @@ from faultbond.equations.sequence import Loop
 from faultbond.equations.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
 from faultbond.model.expression import names, rename
 from faultbond.model.graph import BondGraph, Check, Component, Curve, Input, Parameter, Relation, Sensor, Unit, Validity
-from faultbond.model.keys import BETWEEN, BEYOND, HOLDS, NOISES_OF
+from faultbond.model.keys import BETWEEN, BEYOND, NOISES_OF
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.doubts import active_texts, doubtful
@@ -28,7 +28,7 @@ from faultbond.report.together import together_texts
 from faultbond.report.verdict import step_text, unfalsifiable_text
 from faultbond.synthesis.extent import count_lanes
 from faultbond.synthesis.specify import PROCESS_NOISE
-from faultbond.types import CheckKind, TimeGrid
+from faultbond.types import CheckKind, Hold, TimeGrid
 
 METHOD = "ROS2 (a Rosenbrock method): second order, L-stable; an input is held over its step"
 THRESHOLDS = {
@@ -154,7 +154,7 @@ def check_record(seen: Inventory) -> Record:
         "inputs": [
             {"name": item.name, "column": item.column, "unit": item.unit.text, "noise": item.noise}
             | {"settling": item.settling, "step": known.step, "step_part": known.step_part, "suspect": item.suspect}
-            | {"lag": graph.parameter(item.lag).nominal if item.lag else 0.0, "hold": HOLDS[item.linear]}
+            | {"lag": graph.parameter(item.lag).nominal if item.lag else 0.0, "hold": item.hold.value}
             | {"noise_of": NOISES_OF[item.smooth]}
             for item, known in zip(graph.inputs, spec.inputs, strict=True)
         ],
@@ -488,6 +488,9 @@ def _lags(seen: Inventory) -> Iterator[tuple[str, str]]:
     linear = [item.name for item in graph.inputs if item.linear]
     if linear:
         yield "linear", f"{', '.join(linear)}: from row to row"
+    early = [item.name for item in graph.inputs if item.hold is Hold.NEXT]
+    if early:
+        yield "hold", f"{', '.join(early)}: as in the next row"
     instruments: list[Input | Sensor] = [*graph.inputs, *graph.sensors]
     lagging = [item for item in instruments if item.lag]
     if lagging:

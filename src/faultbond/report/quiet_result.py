@@ -10,7 +10,7 @@ from rich.text import Text
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.contract.json_records import Record
 from faultbond.fit.foothold import Added
-from faultbond.fit.imperfections import Imperfection, Kind, parameter_name, with_imperfections
+from faultbond.fit.imperfections import KIND_HOLDS, Imperfection, Kind, parameter_name, with_imperfections
 from faultbond.fit.innovations import Variant
 from faultbond.fit.trial import Health
 from faultbond.model.amend import Path, amended
@@ -97,8 +97,8 @@ def _entry(graph: BondGraph, item: Imperfection) -> tuple[Path, str]:
     section = "sensors" if item.is_sensor else "inputs"
     if item.kind is Kind.LAG:
         return (section, item.place, "lag"), f"{{value: {item.size:.3g} s, accuracy: 10 %}}"
-    if item.kind is Kind.HOLD:
-        return (section, item.place, "hold"), "linear"
+    if item.kind in KIND_HOLDS:
+        return (section, item.place, "hold"), KIND_HOLDS[item.kind].value
     size, unit = _sized(graph, item)
     words = f"{_up(size)} {'' if unit == '1' else unit}".rstrip()
     if item.kind is Kind.INPUT_NOISE:  # of a row, where it was found of a mean of some
@@ -178,7 +178,7 @@ def quiet_record(found: Quieted) -> Record:
             {
                 "kind": item.what.kind.value,
                 "of": item.what.place,
-                "size": None if item.what.kind is Kind.HOLD else item.what.size,
+                "size": None if item.what.kind in KIND_HOLDS else item.what.size,
                 "memory": item.what.memory if item.what.is_slow else None,
                 "gain": item.trained,
                 "gain_held_back": item.held,
@@ -267,7 +267,7 @@ def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:
     size, unit = _sized(graph, item.what)
     memory = duration_text(item.what.memory) if item.what.is_slow else ""
     number, words = figure(size, digits=3).number(), unit_text(unit)
-    if item.what.kind is Kind.HOLD:
+    if item.what.kind in KIND_HOLDS:
         number = words = ""
     return (
         item.what.kind.value,

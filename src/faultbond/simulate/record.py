@@ -22,7 +22,7 @@ from faultbond.simulate.truth import (
     wander_paths,
     wandering_parameters,
 )
-from faultbond.types import FaultKind
+from faultbond.types import FaultKind, Hold
 
 Decide = Callable[[float, FloatArray], Sequence[float] | FloatArray]
 
@@ -35,7 +35,8 @@ _ROUNDS = 3
 class Inputs:
     """Inputs known beforehand; the value in row k acts from the time of row k until that of row k + 1.
 
-    Where the model says `hold: linear` it is the value at the time of row k, and between rows what acts goes linearly.
+    Where the model says `hold: linear` it is the value at the time of row k, and between rows what acts goes linearly;
+    with `hold: next` it has acted since the time of row k - 1.
 
     time: (n,), s, increasing. values: (n, n_inputs), SI, the true inputs in the order of the model.
     """
@@ -86,6 +87,7 @@ class _Course:
     held: tuple[int, ...]  # for each stretch the row before it
     parts: FloatArray  # (2, n): where in the time from that row to the next it begins and ends, 0 to 1
     linear: FloatArray  # (n_inputs,): 1 for those that go linearly from row to row, else 0
+    early: FloatArray  # the same for those that are as in the next row
     left: FloatArray
     right: FloatArray
     at_rows: FloatArray
@@ -94,7 +96,7 @@ class _Course:
         """Give inputs at the begin of stretches and what they gain in these, by their values in the rows around."""
         begin, end = self.parts[:, stretch, None]
         gain = self.linear * (after - before)
-        return before + begin * gain, (end - begin) * gain
+        return before + self.early * (after - before) + begin * gain, (end - begin) * gain
 
     def segments(self, inputs: FloatArray) -> Segments:
         """Give the stretches with the inputs of the rows, shape (n_rows, n_inputs)."""
@@ -286,6 +288,7 @@ def _course(
         held=tuple(held.tolist()),
         parts=np.array([moments[:-1] - time[held], moments[1:] - time[held]]) / length,
         linear=np.array([float(item.linear) for item in graph.inputs]),
+        early=np.array([float(item.hold is Hold.NEXT) for item in graph.inputs]),
         left=values(moments[:-1], after=True),
         right=values(moments[1:], after=False),
         at_rows=values(time, after=True),

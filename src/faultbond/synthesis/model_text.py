@@ -17,7 +17,7 @@ from faultbond.equations.step import StepModel
 from faultbond.synthesis.conditions import states_text
 from faultbond.synthesis.emit import statements
 from faultbond.synthesis.plan_tables import integers, numbers, plan_sizes, plan_tables, ragged_table
-from faultbond.types import CheckKind
+from faultbond.types import CheckKind, Hold
 
 _HASH = "/* the hash of this text: a saved state is of one model */"
 # What a compiler is given: the model, then the core, which finds its own files.
@@ -120,6 +120,7 @@ def _tables(spec: EngineSpec) -> Iterable[str]:
         yield integers("HELD_OUTPUT", spec.held)
         yield integers("HELD_STATE", (spec.outputs[k].lag_state for k in spec.held))
     yield integers("INPUT_LINEAR", (item.linear for item in spec.inputs))
+    yield integers("INPUT_NEXT", (item.hold is Hold.NEXT for item in spec.inputs))
     for layout, kind in _kinds(spec):
         n = layout.n_joint
         rows, columns = np.triu_indices(n)

@@ -246,7 +246,7 @@ def _input(item: Input, *, acts: bool) -> InputSpec:
         unit_factor=item.unit.factor,
         unit_offset=item.unit.offset,
         ranged=not acts or bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
-        linear=item.linear,
+        hold=item.hold,
         smooth=item.smooth,
         healthy_bias=item.healthy_bias,
     )

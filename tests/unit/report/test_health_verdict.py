@@ -43,6 +43,7 @@ def health(*, peak: float = 0.4, between: float = 1e9, walk: float = 0.3) -> Hea
         walker="R",
         strayed={},
         late=(),
+        early=(),
         mirrored=(),
     )
 
