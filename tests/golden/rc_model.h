@@ -74,7 +74,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x6dbeb54cf65acb15ULL, 0xa95c5f7c31b715e2ULL, 0x73c1d10515bd7c8cULL, 0xdb1f5828097168c3ULL};
+static const uint64_t MODEL_HASH[] = {0x6b114b00649c43b2ULL, 0x757780a86a71de3eULL, 0x29bf58c339de5991ULL, 0xa8d34c9dc0a9523aULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -89,6 +89,7 @@ static const int SMOOTH_NOISE[] = {0};
 static const double CONDITION_SETTLING[] = {0.0};
 static const int OUTPUT_CONDITION[] = {-1};
 static const int INPUT_LINEAR[] = {0};
+static const int INPUT_NEXT[] = {0};
 static const int SYMMETRIC_plain[6][6] = {
     {0, 1, 2, 3, 4, 5},
     {1, 6, 7, 8, 9, 10},

@@ -96,6 +96,22 @@ def test_rows_of_one_time_are_told(tmp_path: Path, capsys: pytest.CaptureFixture
     assert (code, told in err) == (2, True)
 
 
+@pytest.mark.parametrize("verb", ["run", "check"])
+def test_rows_that_are_given_twice_are_told(verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """They are no error, but they may be: of sensors that are written one a row all but one are lost."""
+    told = "400 of 800 rows have the time of another row: of these the first counts; if that is not meant, check `time`"
+    path = recording(tmp_path, [cells for cells in ROWS for _ in range(2)])
+    assert told in said_of([verb, str(MODEL), *(["--data"] if verb == "check" else []), path], capsys)[1]
+    few = recording(tmp_path, [*ROWS[:12], *ROWS[10:]])
+    assert "the time of another row" not in said_of(["run", str(MODEL), few], capsys)[1]
+
+
+def test_a_switch_that_is_a_word_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of `ON` and `OFF` it is said what to write."""
+    path = recording(tmp_path, [[cells[0], "ON" if k % 2 else "Off", cells[2]] for k, cells in enumerate(ROWS)])
+    assert "line 2: 'Off' is no number, write 1 or 0 for it; it counts" in said_of(["run", str(MODEL), path], capsys)[1]
+
+
 def test_a_sensor_without_any_value_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Where no sensor gave a value, the line names it; and no start is solved from what nobody saw."""
     path = recording(tmp_path, [[*cells[:2], "nan"] for cells in ROWS])

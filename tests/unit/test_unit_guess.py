@@ -41,6 +41,12 @@ def times(column: int, factor: float) -> Callable[[int, list[float]], None]:
         (PRESSURE, 1e-3, "the sensor pressure in kPa, not in Pa", "state `unit: kPa` there"),
         (FLOW, 3600.0, "the sensor flow in m^3/h, not in m^3/s", "state `unit: m^3/h` there"),
         (U_IN, 0.01, f"the input u_in in {FRACTION}, not in percent", "multiply the column by 100"),
+        (
+            FLOW,
+            -1.0,
+            "the sensor flow with the other sign",
+            "multiply the column by -1, or turn the sign round in the model",
+        ),
     ],
 )
 def test_a_column_in_another_unit_is_told(

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-def check(model: ModelFile, *, out: Out) -> None:
-    """Tell what was understood of a model."""
-    write(understood(model), out)
+def check(model: ModelFile, *, out: Out, settings: bool = False) -> None:
+    """Tell what was understood of a model, with the numbers of the method if these are asked for."""
+    write(understood(model, settings=settings), out)
 
 
 def write(found: Section, out: Out) -> None:
@@ -27,8 +27,8 @@ def write(found: Section, out: Out) -> None:
         found.show(Console(file=out.text))
 
 
-def understood(model: ModelFile) -> Section:
-    """Give what was understood of a model."""
+def understood(model: ModelFile, *, settings: bool = False) -> Section:
+    """Give what was understood of a model; its text shows the numbers of the method if these are asked for."""
     graph = load_any(model)
     if isinstance(graph, Structure):
         return _of_structure(graph)
@@ -43,7 +43,7 @@ def understood(model: ModelFile) -> Section:
     def show(console: "Console") -> None:
         from faultbond.report.inventory import print_check  # noqa: PLC0415 - loads rich
 
-        print_check(console, seen)
+        print_check(console, seen, settings=settings)
 
     return Section(record=check_record(seen), show=show)
 

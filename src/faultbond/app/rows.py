@@ -17,6 +17,7 @@ from faultbond.io.out import Out
 from faultbond.io.text_cells import TextCells
 
 FEW = 10  # rows of whose pace nothing is said
+OFTEN = 20  # of so many rows one may have the time of another
 FIRST = 50  # rows by which the order of a recording is judged
 
 QUICK, SLOW = 0.05, 0.1  # s; rows that take less are passed on in larger portions, those that take more in smaller
@@ -46,10 +47,13 @@ def texts_of(recording: Recording) -> TextCells:
 
 
 def pace_of(grid: Grid, step: float | None) -> tuple[str, ...]:
-    """Say that most rows stand closer, or most farther apart, than samples do, s; nothing where neither is so."""
+    """Say that most rows stand closer or farther apart than samples do, s, or that many have one time; else nothing."""
     counts, n = grid.counts, grid.n_rows
     if not step or n < FEW:
         return ()
+    if OFTEN * counts.duplicate > n:
+        what = f"{counts.duplicate} of {n} rows have the time of another row: of these the first counts"
+        return (f"{what}; if that is not meant, check `time`, and put what belongs to one time into one row",)
     if 2 * counts.unused > n:
         what = f"{counts.unused} of {n} rows were not used: they are closer than sample_time, {step:g} s"
     elif 2 * n < counts.samples and not counts.clock_jumps and not grid.n_again and not grid.n_dropped:

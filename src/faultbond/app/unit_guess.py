@@ -1,8 +1,8 @@
 """Units that a recording seems to have: with which the plant would be quiet, where it alarms early as declared.
 
-A column in another unit than the model file says is off by a thousand, by sixty, or by 273.15; what the bank makes of
-that is a fault which may well be sure. So the first samples are watched again, with one column after the other taken
-to be in each other unit of its kind. Only one that raises no alarm is told.
+A column in another unit than the model file says is off by a thousand, by sixty, or by 273.15, or has the other sign;
+what the bank makes of that is a fault which may well be sure. So the first samples are watched again, with one column
+after the other taken to be in each other unit of its kind, and turned round. Only one that raises no alarm is told.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -22,9 +22,11 @@ EARLY = 400  # samples after the alarms are on in which an alarm may be that of 
 QUIET = 400  # samples that must be quiet beyond that alarm, where there are so many,
 LEAST = 100  # and at least so many
 MOST_SIGNALS = 12  # that are tried, those in which the alarm was raised first
+MOST_NAMED = 3  # signals; where more would do, any would
 FEW = 0.01  # of the values may be refused as wild
 _LOST = STATUSES.index(Status.LOST)
 PERCENT, FRACTION = "percent", "parts of 1"
+TURNED = "turned round"
 USUAL = (  # units that are mixed up, by kind
     ("Pa", "hPa", "kPa", "MPa", "bar", "psi"),
     ("degC", "K", "degF"),
@@ -47,7 +49,7 @@ USUAL = (  # units that are mixed up, by kind
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnitGuess:
-    """A sensor or an input (`role`) that seems to be recorded in another unit than the model file says.
+    """A sensor or an input (`role`) that seems to be recorded in another unit than the model says, or turned round.
 
     samples: of the beginning, in which no alarm is raised if it is read so.
     """
@@ -59,8 +61,17 @@ class UnitGuess:
     samples: int
 
     @property
+    def words(self) -> str:
+        """What the recording seems to have."""
+        if self.like == TURNED:
+            return f"the {self.role} {self.name} with the other sign"
+        return f"the {self.role} {self.name} in {self.like}, not in {self.declared}"
+
+    @property
     def cure(self) -> str:
         """What to do about it."""
+        if self.like == TURNED:
+            return "multiply the column by -1, or turn the sign round in the model"
         if self.like == FRACTION:
             return "multiply the column by 100"
         return f"state `unit: {self.like}` there"
@@ -83,8 +94,9 @@ def sentence_of(guesses: Iterable[UnitGuess]) -> str:
     if not told:
         return ""
     first = told[0]
-    listed = " or ".join(f"the {item.role} {item.name} in {item.like}, not in {item.declared}" for item in told)
-    cure = first.cure if len(told) == 1 else "state the right `unit:` there"
+    listed = " or ".join(item.words for item in told)
+    alike = all(item.cure == first.cure for item in told)
+    cure = first.cure if alike else "multiply or turn it round, or state the right `unit:` there"
     return (
         f"The recording looks as if it had {listed}: read so, the first {first.samples} samples raise no alarm. "
         f"If it is so, {cure}; what follows is then no fault."
@@ -115,7 +127,7 @@ def guess_units(watchers: Iterator[Watcher], points: Iterable[PointBlock], alarm
         column[:] = other.factor * column + other.shift
         if _is_quiet(next(watchers), replace(begin, u=u, y=y)):
             found.append(other.guess)
-    return tuple(found) if len({item.name for item in found}) <= 2 else ()
+    return tuple(found) if len({item.name for item in found}) <= MOST_NAMED else ()
 
 
 def _beginning(points: Iterable[PointBlock], last: int) -> Samples:
@@ -166,6 +178,7 @@ def _readings(declared: str) -> Iterator[tuple[str, float, float]]:
         return
     stated = measure(declared)
     own = stated.unit
+    yield TURNED, -1.0, 2.0 * own.offset
     for kind in USUAL:
         known = [measure(text) for text in kind]
         if known[0].dimension != stated.dimension:

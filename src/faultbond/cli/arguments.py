@@ -67,7 +67,7 @@ def _add_check(verbs: Subparsers) -> None:
         if arguments.data:
             app.check_data(arguments.model, tuple(arguments.data), promise=arguments.promise, out=out)
         else:
-            app.check(arguments.model, out=out)
+            app.check(arguments.model, out=out, settings=arguments.settings)
         return DONE
 
     example = "faultbond check examples/tank/model.yaml"
@@ -79,6 +79,7 @@ def _add_check(verbs: Subparsers) -> None:
         nargs="+",
         help="healthy recordings: tell what the model gets wrong there, and what it must declare",
     )
+    add("--settings", action="store_true", help="show the numbers of the method too, which no model states")
     add(
         "--promise",
         metavar="TIME",

@@ -7,6 +7,7 @@ from faultbond.io.times import is_not_finite
 NOTHING = frozenset({"", "null"})  # beside `nan`: a value that is not there, and is written as that
 SHOWN = 40  # characters of a text
 MOST = 6  # columns of which a sentence each is said
+SWITCHES = frozenset({"on", "off", "true", "false", "yes", "no", "open", "closed", "running", "stopped"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +62,8 @@ class TextCells:
         is_time = item.role == "time"
         where = f"column {item.column!r}{'' if is_time else f' ({item.role})'}, {self.place} {item.line}"
         what, lost = ("time", "its row is not used") if is_time else ("number", "it counts as missing")
+        if not is_time and item.text.lower() in SWITCHES:
+            what = "number, write 1 or 0 for it"
         if more:
             lost = f"{lost}, and so with {more} more cell{'s' * (more > 1)} of text there"
         return f"{where}: {item.text[:SHOWN]!r} is no {what}; {lost}"

@@ -275,8 +275,11 @@ def _set_sizes(spec: EngineSpec) -> dict[int, int]:
     return {size: sizes.count(size) for size in sorted(set(sizes))}
 
 
-def print_check(console: Console, seen: Inventory) -> None:
-    """Print what was understood of a model; a console that is no terminal gets `console.PLAIN_WIDTH` columns."""
+def print_check(console: Console, seen: Inventory, *, settings: bool = False) -> None:
+    """Print what was understood of a model; a console that is no terminal gets `console.PLAIN_WIDTH` columns.
+
+    settings: whether the numbers of the method are shown too
+    """
     headline(console, seen.graph.name, seen.graph.file)
     _print_plant(console, seen.graph)
     _print_structure(console, seen)
@@ -284,9 +287,14 @@ def print_check(console: Console, seen: Inventory) -> None:
     _print_method(console, seen)
     title(console, "Defaults in force: what the model file does not state")
     lines(console, seen.graph.defaults)
-    if seen.graph.grid is not TimeGrid.NONE:
+    if seen.graph.grid is TimeGrid.NONE:
+        return
+    told = settings_of(seen.spec).values()
+    if settings:
         title(console, "Settings of the method")
-        lines(console, [(f"{value:g}", meaning) for value, meaning in settings_of(seen.spec).values()])
+        lines(console, [(f"{value:g}", meaning) for value, meaning in told])
+    else:
+        lines(console, [("the method", f"{len(told)} numbers that no model states: `check --settings` shows them")])
 
 
 def _print_plant(console: Console, graph: BondGraph) -> None:

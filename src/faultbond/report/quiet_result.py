@@ -292,7 +292,7 @@ def _cost_rows(found: Quieted) -> Iterator[tuple[str, ...]]:
         texts = []
         for one in (before.get(item.parameter), item):
             if one is None or one.value is None:
-                texts.append("not found")
+                texts.append("not found" if one is None else one.reason or "not found")
                 continue
             part = f" ({100 * one.value / nominal:.2g} %)" if nominal else ""
             texts.append(figure(unit.difference_from_si(one.value), digits=3).number() + part)

@@ -38,10 +38,10 @@ def seen(request: pytest.FixtureRequest) -> tuple[str, Inventory]:
     return request.param, Inventory(graph=graph, model=model, spec=build_spec(model), engine="none")
 
 
-def printed(seen: Inventory) -> str:
+def printed(seen: Inventory, *, settings: bool = False) -> str:
     """Give the listing with single spaces."""
     target = io.StringIO()
-    print_check(Console(file=target), seen)
+    print_check(Console(file=target), seen, settings=settings)
     return " ".join(target.getvalue().split())
 
 
@@ -51,6 +51,14 @@ def test_instruments_and_limits(seen: tuple[str, Inventory]) -> None:
     assert "trusted Q" in text
     assert "range level 0 or more cm" in text
     assert "drifts matter at K 5e-5 m^2.5/s or 2e-4 m^2.5/s" in text
+
+
+def test_the_numbers_of_the_method_are_shown_when_asked_for(seen: tuple[str, Inventory]) -> None:
+    """Else a line says how to ask for them."""
+    meaning = "CUSUM: limit at which it alarms"
+    assert meaning in printed(seen[1], settings=True)
+    assert meaning not in printed(seen[1])
+    assert "numbers that no model states: `check --settings` shows them" in printed(seen[1])
 
 
 def test_promise_and_checks(seen: tuple[str, Inventory]) -> None:
