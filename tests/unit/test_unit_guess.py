@@ -7,8 +7,9 @@ from threading import Thread
 
 import pytest
 
-from faultbond.app.unit_guess import FRACTION
+from faultbond.app.unit_guess import FRACTION, TURNED, _readings
 from faultbond.cli import main
+from faultbond.model.units import measure
 from made import EXAMPLES
 
 MODEL = str(EXAMPLES / "tank" / "model.yaml")
@@ -61,6 +62,14 @@ def test_a_column_in_another_unit_is_told(
     assert f"If it is so, {cure}; what follows is then no fault." in " ".join(said.out.split())
     assert said.err.startswith(f"faultbond: {text}")
     assert text in page.read_text().replace("\u00a0", " ")
+
+
+@pytest.mark.parametrize("unit", ["", "Pa", "degC", "degF", "m^3/h"])
+def test_the_other_sign_is_that_of_the_number_in_the_file(unit: str) -> None:
+    """Of a unit that does not begin at 0, the number is turned round, not what it is in SI."""
+    known = measure(unit).unit
+    (turned,) = [item for item in _readings(unit) if item[0] == TURNED]
+    assert turned[1] * known.to_si(12.5) + turned[2] == pytest.approx(known.to_si(-12.5))
 
 
 @pytest.mark.parametrize("fault", ["step", "from the start"])

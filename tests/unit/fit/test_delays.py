@@ -1,0 +1,77 @@
+"""What errors go with: which inputs seem to be another between two rows."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from faultbond.arrays import FloatArray
+from faultbond.fit.delays import other_holds
+from faultbond.fit.hints import early_sensors
+from faultbond.fit.imperfections import Kind
+from faultbond.model.text import parse_model
+from faultbond.types import Hold
+
+GRAPH = parse_model("""
+name: circuit
+sample_time: 1 s
+inputs: {V: {unit: V}}
+components:
+  source: {type: Se, law: e = V}
+  R: {type: R, parameters: {R: 10 ohm}}
+  C: {type: C, parameters: {C: 1 F}}
+junctions: {one: 1}
+bonds: [source -> one, one -> R, one -> C]
+sensors: {v: {reads: C.e, unit: V, noise: 1 mV}}
+""")
+ROWS = 2000
+
+
+def made(sign: float, ago: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Give an input in steps, a reading that follows it, and errors that go with these steps some rows ago."""
+    rng = np.random.default_rng(4)
+    u = np.repeat(rng.normal(size=ROWS // 20), 20)
+    change = np.diff(u, prepend=u[:1])
+    off = rng.normal(size=ROWS) + sign * np.concatenate([np.zeros(ago), change[: ROWS - ago]])
+    return u, np.convolve(u, np.exp(-np.arange(50) / 10.0))[:ROWS], off
+
+
+def proposed(sign: float, *, ago: int = 0, direct: tuple[int, ...] = (), hold: Hold = Hold.LAST) -> list[Kind]:
+    """Give what is proposed where errors go with the steps of an input some rows ago."""
+    u, y, off = made(sign, ago)
+    graph = replace(GRAPH, inputs=(replace(GRAPH.inputs[0], hold=hold),))
+    stand = SimpleNamespace(graph=graph, innovations=(off[:, None],))
+    records = (SimpleNamespace(u=u[:, None], y=y[:, None]),)
+    return [item.kind for item in other_holds(cast("Any", stand), cast("Any", records), (direct,))]
+
+
+def test_an_error_in_the_row_of_a_change_asks_for_the_next_row() -> None:
+    """One that comes a row later does not, nor one against the way the reading goes, as a controller makes it."""
+    assert proposed(2.0) == [Kind.NEXT]
+    assert proposed(2.0, ago=1) == []
+    assert proposed(-2.0) == []
+
+
+def test_what_is_there_already_is_not_asked_for() -> None:
+    """An input that is held so by now, and a sensor that feels it at once, whose errors there may be of any law."""
+    assert proposed(2.0, hold=Hold.NEXT) == []
+    assert proposed(2.0, direct=(0,)) == []
+
+
+@pytest.mark.parametrize(("direct", "told"), [((), ["v"]), ((0,), [])])
+def test_a_sensor_that_feels_its_input_at_once_is_never_early(direct: tuple[int, ...], told: list[str]) -> None:
+    """Its errors go with the row of a change, as those of any law that is wrong do."""
+    u, y, off = made(2.0)
+    output, known = SimpleNamespace(name="v", direct_inputs=direct), SimpleNamespace(name="V")
+    spec = cast("Any", SimpleNamespace(outputs=(output,), inputs=(known,)))
+    records = cast("Any", (SimpleNamespace(u=u[:, None], y=y[:, None]),))
+    found = early_sensors(spec, records, cast("Any", (SimpleNamespace(scores=off[:, None]),)))
+    assert [item.sensor for item in found] == told
+
+
+@pytest.mark.parametrize("hold", [Hold.LAST, Hold.LINEAR])
+def test_of_an_input_that_goes_linearly_it_is_asked_too(hold: Hold) -> None:
+    """It may have been taken for that before."""
+    assert proposed(2.0, hold=hold) == [Kind.NEXT]
