@@ -198,7 +198,10 @@ class Checker:
     def unit_of(self, signal: str) -> str | None:
         """Give the SI unit of a signal, `1` if it is dimensionless; None where laws and units do not fix it."""
         form = self.solver.reduced(self._name(signal))
-        return None if _unknowns(form) else str(form)
+        if _unknowns(form):
+            return None
+        text = str(form)
+        return "N*m" if text == "J" and signal.partition(".")[2].startswith("e") else text  # an effort is a torque
 
     def law(self, left: Expression, right: Expression, where: str) -> None:
         """Demand that the two sides of a law agree.

@@ -108,3 +108,15 @@ def test_a_known_start_is_told_in_its_unit() -> None:
     told = printed(Inventory(graph=graph, model=model, spec=build_spec(model), engine="none"))
     assert "start: 0.02 ± 0.01 m^3" in told
     assert "SI" not in told.replace("SI unit", "")
+
+
+def test_a_torque_is_no_energy() -> None:
+    """Both are the same power of base units; an effort is never in joules, and a heat is."""
+    shaft = (
+        "name: s\nsample_time: 1 s\ninputs: {M: {unit: N*m}}\ncomponents: {drive: {type: Se, law: e = M}, J: {type: I, "
+    )
+    shaft += "parameters: {J: 2 kg*m^2}}}\nbonds: [drive -> J]\nsensors: {w: {reads: J.f, unit: rad/s, noise: 1 rad/s}}"
+    assert parse_model(shaft).signal_unit("J.e").text == "N*m"
+    heat = "name: h\nsample_time: 1 s\ninputs: {Q: {unit: W}}\ncomponents: {heater: {type: Sf, law: f = Q}, block: "
+    heat += "{type: C, parameters: {C: 2 J/K}}}\nbonds: [heater -> block]\nsensors: {T: {reads: block.e, noise: 1 K}}"
+    assert parse_model(heat).signal_unit("block.q").text == "J"
