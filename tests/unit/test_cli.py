@@ -29,9 +29,9 @@ class Spy:
         self.do = do
         self.seen: dict[str, object] = {}
 
-    def check(self, model: Path, *, out: Out) -> None:
+    def check(self, model: Path, *, out: Out, settings: bool) -> None:
         """Note a call of `check`."""
-        self.seen = {"model": model}
+        self.seen = {"model": model, "settings": settings}
         self.do(out)
 
     def check_data(self, model: Path, recordings: tuple[str, ...], *, promise: float | None, out: Out) -> None:
@@ -177,7 +177,8 @@ def speak(out: Out) -> bool:
 @pytest.mark.parametrize(
     ("arguments", "seen"),
     [
-        (["check", "m.yaml"], {"model": Path("m.yaml")}),
+        (["check", "m.yaml"], {"model": Path("m.yaml"), "settings": False}),
+        (["check", "m.yaml", "--settings"], {"model": Path("m.yaml"), "settings": True}),
         (
             ["run", "m.yaml", "r.csv"],
             {"model": Path("m.yaml"), "recording": "r.csv", "wanted": Wanted()},
@@ -382,7 +383,7 @@ import sys
 from rich.console import Console
 from faultbond import app
 from faultbond.cli import main
-def check(model, *, out):
+def check(model, *, out, settings):
     for _ in range(100000): {action}
 app.check = check
 sys.exit(main(["check", "m", *{options}]))
@@ -415,7 +416,7 @@ def test_umlauts_without_a_locale() -> None:
 import sys
 from faultbond import app
 from faultbond.cli import main
-def check(model, *, out): out.say("Behälter")
+def check(model, *, out, settings): out.say("Behälter")
 app.check = check
 sys.exit(main(["check", "m"]))
 """

@@ -51,7 +51,7 @@ def pace_of(grid: Grid, step: float | None) -> tuple[str, ...]:
     counts, n = grid.counts, grid.n_rows
     if not step or n < FEW:
         return ()
-    if OFTEN * counts.duplicate > n:
+    if OFTEN * counts.duplicate > n and not grid.repeats_times:
         what = f"{counts.duplicate} of {n} rows have the time of another row: of these the first counts"
         return (f"{what}; if that is not meant, check `time`, and put what belongs to one time into one row",)
     if 2 * counts.unused > n:
