@@ -26,6 +26,7 @@ from faultbond.fit import objective, trial
 from faultbond.fit.false_alarms import Rate
 from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.imperfections import (
+    UNTRIED,
     Imperfection,
     Kind,
     law_signals,
@@ -405,6 +406,44 @@ def test_a_lag_that_has_come_to_nothing_is_left_out(
     assert "".join(lagging) == "".join(item.what.place for item in found.added) == kept
     assert {item.name for item in found.graph.parameters if item.name.endswith("_lag")} == {f"{k}_lag" for k in kept}
     assert search.refused == {item.key for item in lags if item.place not in kept}
+
+
+@pytest.mark.parametrize(
+    ("gains", "loses", "kept"), [(-0.4, 1.0, ["R.e"]), (-0.6, 1.0, ["i", "R.e"]), (-0.4, WORTH, ["i", "R.e"])]
+)
+def test_a_slow_error_that_is_of_no_use_any_more_is_left_out(
+    gains: float, loses: float, kept: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that stood for what was added later goes; one that is declared, or the only one, is not asked about."""
+    text = MODEL.replace("sensors:", "slow_error: {source.e: 1 % over 2 s}\nsensors:")
+    graph = parse_model(text, file="m.yaml")
+    slow = [Imperfection(kind=Kind.ABSOLUTE, place=place, is_sensor=place == "i", memory=2.0) for place in ("i", "R.e")]
+    declared = Imperfection(kind=Kind.RELATIVE, place="source.e", size=0.02, memory=2.0)
+    asked: list[str] = []
+
+    def asking(_: Footing) -> tuple[dict[str, float], Callable[[Sequence[Imperfection]], list[float]]]:
+        def gains_of(tried: Sequence[Imperfection]) -> list[float]:
+            assert all(item.size == UNTRIED for item in tried)
+            asked.extend(item.place for item in tried)
+            return [gains if item.place == "i" else -9.0 for item in tried]
+
+        return {}, gains_of
+
+    search = Search.__new__(Search)
+    search.tell, search.refused, search.graph, search.step = lambda _: None, set(), graph, 1.0
+    monkeypatch.setattr(search, "asking", asking)
+    ground = SimpleNamespace(climbed=lambda stand: replace(stand, held=100.0 - loses))
+    monkeypatch.setattr(Search, "ground", lambda *_: ground)
+    added = tuple(Added(what=item, trained=9.0, held=9.0) for item in (*slow, declared))
+    stand = Footing(graph=with_imperfections(graph, (*slow, declared)), values={}, starts={}, held=100.0, added=added)
+    found = search.lasting(stand)
+    assert asked == ["i", "R.e"]
+    assert [item.what.place for item in found.added] == [*kept, "source.e"]
+    assert {item.target for item in found.graph.slow_errors} == {*kept, "source.e"}
+    assert search.refused == set()
+    asked.clear()
+    one = replace(stand, added=added[1:])
+    assert (search.lasting(one), asked) == (one, [])
 
 
 @pytest.mark.parametrize("gain", [4.0, 2.0])

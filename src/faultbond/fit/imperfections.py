@@ -252,6 +252,13 @@ def without_lag(graph: BondGraph, item: Imperfection) -> BondGraph:
     return replace(graph, parameters=tuple(parameters), inputs=tuple(inputs), sensors=tuple(sensors))
 
 
+def without_slow_error(graph: BondGraph, item: Imperfection) -> BondGraph:
+    """Give a plant without a slow error that it has."""
+    own = item.place, item.kind is not Kind.ABSOLUTE
+    kept = (known for known in graph.slow_errors if (known.target, known.relative) != own)
+    return replace(graph, slow_errors=tuple(kept))
+
+
 def parameter_name(item: Imperfection) -> str:
     """Give the name of the parameter that is the time constant of a lag, or an offset."""
     return f"{item.place.replace('.', '_')}_{item.kind.value}"

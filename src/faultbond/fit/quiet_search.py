@@ -43,6 +43,7 @@ from faultbond.fit.imperfections import (
     size_place,
     with_imperfections,
     without_lag,
+    without_slow_error,
 )
 from faultbond.fit.likelihood import Likelihood, Padded, build_begin, known_starts, layout_of, nominal_q
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
@@ -53,6 +54,7 @@ from faultbond.model.expression import Name
 from faultbond.model.graph import BondGraph, Check, Parameter
 from faultbond.types import CheckKind
 
+SPENT = 0.5  # nats; what gains less explains nothing any more
 WORTH = 3.0  # nats by which held-back recordings must be foretold better
 FEWEST = 5.0  # nats, and
 CLOSE = 0.03  # part of the best gain: so much less is about as good
@@ -198,26 +200,38 @@ class Search:
         return alone if alone.held - stand.held >= WORTH else None  # it may have gained by other values of parameters
 
     def lasting(self, stand: Footing) -> Footing:
-        """Give a footing without lags that have come down to the least, where that foretells as much.
+        """Give a footing without lags that have come down to the least, and slow errors of no use, if that is as good.
 
         What was added with them or later explains what they did. Data say nothing of a lag so short, so errors of any
         kind would move it.
         """
-        own = {item.name for item in self.graph.parameters}
-        added = [item for item in stand.added if item.what.kind is Kind.LAG and parameter_name(item.what) not in own]
-        gone = [item for item in added if item.what.size <= NO_LAG * self.step]
+        gone = [*self._spent_lags(stand), *self._spent_slow_errors(stand)]
         if not gone:
             return stand
         self.tell(f"fitting without {', '.join(item.what.words for item in gone)}, of which nothing is left")
         graph = stand.graph
         for item in gone:
-            graph = without_lag(graph, item.what)
+            graph = (without_slow_error if item.what.is_slow else without_lag)(graph, item.what)
         kept = tuple(item for item in stand.added if item not in gone)
         alone = self.ground(graph).climbed(replace(stand, graph=graph, added=kept))
         if not stand.held - alone.held < WORTH:
             return stand
-        self.refused |= {item.what.key for item in gone}
+        self.refused |= {item.what.key for item in gone if not item.what.is_slow}
         return alone
+
+    def _spent_lags(self, stand: Footing) -> list[Added]:
+        own = {item.name for item in self.graph.parameters}
+        added = [item for item in stand.added if item.what.kind is Kind.LAG and parameter_name(item.what) not in own]
+        return [item for item in added if item.what.size <= NO_LAG * self.step]
+
+    def _spent_slow_errors(self, stand: Footing) -> list[Added]:
+        """Give slow errors that the model does not declare, each of which the recordings would not miss."""
+        own = keys_of(self.graph)
+        added = [item for item in stand.added if item.what.is_slow and item.what.key not in own]
+        if len(added) < 2:  # what was added last is of use
+            return []
+        gains = self.asking(stand)[1]([replace(item.what, size=UNTRIED) for item in added])
+        return [item for item, gain in zip(added, gains, strict=True) if gain > -SPENT]
 
     def _promising(self, stand: Footing) -> list[tuple["_Ground", Imperfection]]:
         """Give what is worth to be fitted, each with a plant that may have it, by its gain with the rest as it is.
