@@ -269,7 +269,7 @@ def merged(one: FloatArray, two: FloatArray, first: float, second: float) -> Flo
 
 
 def switching(place: int, n: int = 34) -> float:
-    """How probable it is that a fault comes or goes at a place of a trail of n samples, with the alarm at its last but two."""
+    """How probable it is that a fault comes or goes at a place of a trail of n samples; the alarm is at the last but two."""
     return float((1.0 / 300.0) ** (1.0 + max(place - (n - 3), 0) / core_settings()["AS_MANY"]))
 
 
@@ -392,14 +392,16 @@ def test_what_comes_while_the_plant_warms_up_has_to_gain_more(core: Core) -> Non
     now = np.array([begun(k, 0, 1, of, None) for k in range(SWITCHED, N)]).T
     now[-1, ::2] = -np.inf
     for place in range(1, 34):
-        now, _ = core.advanced(interacted(now, np.exp(-20.0) if place < first else switching(place)), of[0][place, None])
+        now, _ = core.advanced(
+            interacted(now, np.exp(-20.0) if place < first else switching(place)), of[0][place, None]
+        )
     assert close(core.lanes()[:, SWITCHED:], now)
 
 
 def test_lanes_go_on_and_pairs_are_judged_as_one(core: Core) -> None:
     """A sample goes into every lane; both lanes of a pair have the innovations of their mixture.
 
-    Where half of a likelihood counts, one that comes or goes is twice as many nats less likely, so that all of that counts.
+    Where half of a likelihood counts, what comes or goes is twice as many nats less likely, so that all of that counts.
     """
     of, n_y, found = trail(24), len(SPEC.outputs), np.full((4, N + 3), 7.0)
     lanes = np.array([begun(k, k % 20, 3, of, None) for k in range(N)]).T
