@@ -63,8 +63,8 @@ static void advance_bank(State *state, const double *packed, BankMemory *memory,
     if (!IS_OUTSIDE(packed))
         hand_on(bank, slots_begun(&state->job), state->clock.index > state->clock.alarm + AWAITED, state->clock.index,
                 state->clock.time, &memory->slots);
-    advance_slots(bank, slots_begun(&state->job), packed, &state->normal, memory->innovations[0] + N_STEPS,
-                  FB_ROOM(N_LANES), &filters->wide, &memory->slots);
+    advance_slots(bank, slots_begun(&state->job), state->clock.index - state->clock.alarm, packed, &state->normal,
+                  memory->innovations[0] + N_STEPS, FB_ROOM(N_LANES), &filters->wide, &memory->slots);
     advance_couples(bank, packed, &state->normal, memory->innovations[0] + N_STEPS + N_SLOT_LANES, FB_ROOM(N_LANES), &filters->wide,
                     &memory->slots);
     if (resting) keep_distance(bank, leading_of_bank(bank) - before);

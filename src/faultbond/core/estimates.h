@@ -9,26 +9,12 @@ FB_SELDOM
 
 #define LONGEST 1e12 /* s: a limit that is not reached by then is not reached */
 #define HALVINGS 200
-#define AS_MANY 1000.0       /* samples that tell as much as ever so many do */
-#define MOST_AS_MANY 10000.0 /* and how many do at most: what is shown after a day still counts */
 
 /* A value that drifts towards a limit, and the covariance of value and rate. */
 typedef struct {
     double ahead, speed;
     double variance, both, rate_variance;
 } Drift;
-
-/* The part of differences of log-likelihoods that counts, so many samples after the alarm. No model is exact: that one
-   hypothesis fits better by less than 0.1 sd of an innovation at each sample makes it no likelier than what it costs, however long
-   that lasts. A likelihood that counts by a part knows its parameters by that part, too: variances are divided by it.
-   Source: J. W. Miller, D. B. Dunson, "Robust Bayesian inference via coarsening", J. American Statistical Association 114
-   (2019) 1113. */
-static inline double share_of_evidence(const State *state)
-{
-    const int64_t n = since_alarm(state);
-    const double seen = n < 0 ? 0.0 : (double)n < MOST_AS_MANY ? (double)n : MOST_AS_MANY;
-    return 1.0 / (1.0 + seen / AS_MANY);
-}
 
 static inline double root_of(double variance) { return sqrt(0.0 > variance ? 0.0 : variance); }
 

@@ -467,6 +467,10 @@ static void join_innovations(SlotMemory *memory)
 
 FB_SELDOM
 
+/* Probability per sample that a fault comes or goes, so many samples after the alarm. It is a prior, of which all counts where of
+   likelihoods only a part does: else a fault that comes and goes follows at little cost what the model is off by. */
+static double switching_after(int64_t since) { return exp(log(SWITCHING) / share_after(since)); }
+
 /* Begin a group of pairs, healthy at the oldest sample; `there` and `gone` are their lanes, `first` the first pair. */
 static void begin_pairs(int64_t first, const Trail *trail, const double *peak, double (*there)[GROUP], double (*gone)[GROUP],
                         SlotMemory *memory)
@@ -493,7 +497,8 @@ static void run_pairs(double (*there)[GROUP], double (*gone)[GROUP], const Trail
             memory->gone[i] = load(gone[i] + part);
         }
         for (int64_t place = from; place < end; place++)
-            step_pairs(place < trail->first ? EARLY_SWITCHING : SWITCHING, sample_at(trail, place), normal, filter, memory);
+            step_pairs(place < trail->first ? EARLY_SWITCHING : switching_after(place - trail->alarm), sample_at(trail, place),
+                       normal, filter, memory);
         for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
             store(there[i] + part, memory->there[i]);
             store(gone[i] + part, memory->gone[i]);
@@ -525,12 +530,14 @@ static void put_none(int64_t first, int64_t n, double *innovations, int64_t stri
         for (int64_t l = first; l < first + n; l++) innovations[i * stride + l] = i < N_OUTPUTS ? 0.0 : 1.0;
 }
 
-/* Take one more packed sample into the lanes with a slot, of which the first n_begun have begun. innovations:
+/* Take one more packed sample into the lanes with a slot, of which the first n_begun have begun. `since`: samples
+   after the alarm. innovations:
    [2 * N_OUTPUTS][stride], measured less expected readings, then their variances, of the lanes in order; those of a pair
    have the innovations of their mixture. */
-static void advance_slots(Bank *bank, int64_t n_begun, const double *packed, const Normal *normal, double *innovations,
-                          int64_t stride, Filter_wide *filter, SlotMemory *memory)
+static void advance_slots(Bank *bank, int64_t n_begun, int64_t since, const double *packed, const Normal *normal,
+                          double *innovations, int64_t stride, Filter_wide *filter, SlotMemory *memory)
 {
+    const double switching = switching_after(since);
     bank_sample(packed, memory->sample);
     for (int64_t first = 0; first < SWITCHED && first < n_begun; first += FB_LANES) {
         const int64_t n = in_block(first, SWITCHED);
@@ -549,7 +556,7 @@ static void advance_slots(Bank *bank, int64_t n_begun, const double *packed, con
         const int64_t n = in_block(pair, N_PAIRS), first = SWITCHED + 2 * pair;
         take_slots(bank, first, 2, n, memory->there);
         take_slots(bank, first + 1, 2, n, memory->gone);
-        step_pairs(SWITCHING, packed, normal, filter, memory);
+        step_pairs(switching, packed, normal, filter, memory);
         put_slots(bank, first, 2, n, memory->there);
         put_slots(bank, first + 1, 2, n, memory->gone);
         join_innovations(memory);

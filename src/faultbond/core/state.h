@@ -32,6 +32,8 @@ enum { TREND_LEVEL, TREND_SLOPE, TREND_VARIANCE, TREND_TIE, TREND_SLOPES, TREND_
 #define N_RESTING (FIRST_COUPLES + BLOCKS(N_COUPLE_LANES))      /* and how many there are */
 
 #define PENDING 20 /* samples for which an input that goes on may wait for the readings to tell, see wild.h */
+#define AS_MANY 1000.0       /* samples that tell as much as ever so many do */
+#define MOST_AS_MANY 10000.0 /* and how many do at most: what is shown after a day still counts */
 
 #define real double
 #define whole int64_t
@@ -179,6 +181,19 @@ typedef struct {
 
 /* Samples since the alarm that tell of it. */
 static inline int64_t since_alarm(const State *state) { return state->clock.index - state->clock.alarm - state->alarm.outside; }
+
+/* The part of differences of log-likelihoods that counts, so many samples after the alarm. No model is exact: that one
+   hypothesis fits better by less than 0.1 sd of an innovation at each sample makes it no likelier than what it costs, however long
+   that lasts. A likelihood that counts by a part knows its parameters by that part, too: variances are divided by it.
+   Source: J. W. Miller, D. B. Dunson, "Robust Bayesian inference via coarsening", J. American Statistical Association 114
+   (2019) 1113. */
+static inline double share_after(int64_t n)
+{
+    const double seen = n < 0 ? 0.0 : (double)n < MOST_AS_MANY ? (double)n : MOST_AS_MANY;
+    return 1.0 / (1.0 + seen / AS_MANY);
+}
+
+static inline double share_of_evidence(const State *state) { return share_after(since_alarm(state)); }
 
 /* Number k of a lane of steps, and of one with a slot: where it stands, and what it is. */
 static inline double *number_of_step(Bank *bank, int64_t lane, int64_t k)

@@ -55,6 +55,7 @@ ENDED, TOOK, RETURNS = (WIDE.role_fields[name].start for name in ("ended", "took
 SHARED = [k for k in range(WIDE.n_joint) if k not in (SIZE, RATE)]  # of a wide z, what a plain one holds too
 OF_FOUND = (FaultKind.DRIFT, FaultKind.BIAS, FaultKind.GAIN)  # of no sensor: they begin again from what they have found
 PEAK = np.array([6.0, 0.0])  # of each input; one that was always zero counts as 1
+LATER = ctypes.c_int64(int(core_settings()["AS_MANY"]))  # samples after the alarm: half of a likelihood counts
 GROUP = int(core_settings()["GROUP"])  # lanes that stand side by side
 CALLS = """
 static State state;
@@ -114,9 +115,9 @@ void t_begin_at(int64_t onset, const double *peak, double *to)
     }
 }
 void t_hand_on(int64_t number, double time) { hand_on(&state.bank, SWITCHED, 1, number, time, &work.bank.slots); }
-void t_advance(const double *packed, double *innovations, int64_t stride)
+void t_advance(int64_t since, const double *packed, double *innovations, int64_t stride)
 {
-    advance_slots(&state.bank, N_SLOT_LANES, packed, &state.normal, innovations, stride, &work.filters.wide,
+    advance_slots(&state.bank, N_SLOT_LANES, since, packed, &state.normal, innovations, stride, &work.filters.wide,
                   &work.bank.slots);
 }
 void t_narrowed(const double *wide, double weight, int64_t parameter, double *plain)
@@ -267,6 +268,11 @@ def merged(one: FloatArray, two: FloatArray, first: float, second: float) -> Flo
     return lane
 
 
+def switching(place: int, n: int = 34) -> float:
+    """How probable it is that a fault comes or goes at a place of a trail of n samples; the alarm is at the last but two."""
+    return float((1.0 / 300.0) ** (1.0 + max(place - (n - 3), 0) / core_settings()["AS_MANY"]))
+
+
 def interacted(lanes: FloatArray, switching: float = 1.0 / 300.0) -> FloatArray:
     """Pairs (n_numbers, 2 n), in which once in 300 samples the fault comes or goes; what goes has been there."""
     stay, come, found = np.log1p(-switching), np.log(switching), []
@@ -371,8 +377,8 @@ def test_lanes_begin_at_their_best_onset_and_pairs_at_the_oldest_sample(
     assert np.all((total > at_best - 1e-6) & (total < mixture(both) + 1.0))
     now = np.array([begun(k, 0, 1, of, None) for k in range(SWITCHED, N)]).T
     now[-1, ::2] = -np.inf
-    for sample in of[0][1:]:
-        now, _ = core.advanced(interacted(now), sample[None, :])
+    for place, sample in enumerate(of[0][1:], 1):
+        now, _ = core.advanced(interacted(now, switching(place)), sample[None, :])
     assert close(core.lanes()[:, SWITCHED:], now)
 
 
@@ -386,18 +392,23 @@ def test_what_comes_while_the_plant_warms_up_has_to_gain_more(core: Core) -> Non
     now = np.array([begun(k, 0, 1, of, None) for k in range(SWITCHED, N)]).T
     now[-1, ::2] = -np.inf
     for place in range(1, 34):
-        now, _ = core.advanced(interacted(now, np.exp(-20.0) if place < first else 1.0 / 300.0), of[0][place, None])
+        now, _ = core.advanced(
+            interacted(now, np.exp(-20.0) if place < first else switching(place)), of[0][place, None]
+        )
     assert close(core.lanes()[:, SWITCHED:], now)
 
 
 def test_lanes_go_on_and_pairs_are_judged_as_one(core: Core) -> None:
-    """A sample goes into every lane; both lanes of a pair have the innovations of their mixture."""
+    """A sample goes into every lane; both lanes of a pair have the innovations of their mixture.
+
+    Where half of a likelihood counts, what comes or goes is twice as many nats less likely, so that all of that counts.
+    """
     of, n_y, found = trail(24), len(SPEC.outputs), np.full((4, N + 3), 7.0)
     lanes = np.array([begun(k, k % 20, 3, of, None) for k in range(N)]).T
     core.rates[0], core.wander[0] = 0.01, 0.002
     core.put(of, None, lanes)
-    core.library.t_advance(at(of[0][-1]), at(found), ctypes.c_int64(N + 3))
-    ready = np.concatenate([lanes[:, :SWITCHED], interacted(lanes[:, SWITCHED:])], axis=1)
+    core.library.t_advance(LATER, at(of[0][-1]), at(found), ctypes.c_int64(N + 3))
+    ready = np.concatenate([lanes[:, :SWITCHED], interacted(lanes[:, SWITCHED:], (1.0 / 300.0) ** 2)], axis=1)
     after, wanted = core.advanced(ready, of[0][-1:])
     for k in range(SWITCHED, N, 2):
         weights = np.exp(ready[-1, k : k + 2] - np.logaddexp(*ready[-1, k : k + 2]))
@@ -415,7 +426,7 @@ def test_a_lane_that_is_no_number_spoils_no_other(core: Core) -> None:
     lanes = np.array([begun(k, 5, 3, of, None) for k in range(N)]).T
     lanes[: WIDE.loop_slice.stop, SWITCHED], lanes[-1, SWITCHED], lanes[-1, 2] = np.inf, np.nan, np.nan
     core.put(of, None, lanes)
-    core.library.t_advance(at(of[0][-1]), at(innovations), ctypes.c_int64(N))
+    core.library.t_advance(LATER, at(of[0][-1]), at(innovations), ctypes.c_int64(N))
     found, (alone, _) = core.lanes(), core.advanced(lanes[:, SWITCHED + 1, None], of[0][-1:])
     assert np.all(np.isfinite(np.delete(found, 2, axis=1)))
     assert found[:-1, SWITCHED + 1] == pytest.approx(alone[:-1, 0], rel=1e-12)
