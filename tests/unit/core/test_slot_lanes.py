@@ -269,7 +269,7 @@ def merged(one: FloatArray, two: FloatArray, first: float, second: float) -> Flo
 
 
 def switching(place: int, n: int = 34) -> float:
-    """How probable it is that a fault comes or goes at a place of a trail of n samples; the alarm is at the last but two."""
+    """How probable it is that a fault comes or goes at a place of a trail of n samples, whose last but two alarms."""
     return float((1.0 / 300.0) ** (1.0 + max(place - (n - 3), 0) / core_settings()["AS_MANY"]))
 
 
