@@ -5,6 +5,8 @@ friction, of the bearing behind a stiff shaft. So what is missing is asked for w
 declared; there it shows. It is kept where they then stay, and where letting them go would explain hardly more.
 """
 
+import numpy as np
+
 from faultbond.fit.foothold import Footing
 from faultbond.fit.quiet_search import CLOSE, FEWEST, WORTH, Search
 from faultbond.fit.stray import INSIDE, strayed_by
@@ -25,7 +27,8 @@ def cured(search: Search, stand: Footing) -> Footing | None:
     names = strayed(search, stand)
     search.tell(f"asking what else it may be that puts {', '.join(sorted(names))} far from what was declared")
     search.inside, refused = names, set(search.refused)
-    better = search.better(search.ground(stand.graph).climbed(stand))
+    held = search.ground(stand.graph).climbed(stand)
+    better = search.better(held) if np.isfinite(held.trained) else None  # the plant may have no course with them there
     search.inside, search.refused = frozenset(), refused
     if better is None:
         return None

@@ -72,7 +72,8 @@ class Evaluation:
 class Scored:
     """One recording at a point, per sample.
 
-    innovations, variances : (N, n_outputs), SI, each given the past and the sensors before it; nan where not used
+    innovations, variances : (N, n_outputs), SI, each given the past and the sensors before it; nan where not used, and
+        from where the plant has no finite course any more (value: -inf)
     scores : (N, n), by the unknowns and what this recording has for itself
     information : (n, n)
     """
@@ -151,11 +152,11 @@ def follow_alone(plant: FittedPlant, record: HealthyRecording, point: FitPoint, 
 
 
 def _run(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int, *, keep: bool) -> Scored:
-    """Run one recording; with `keep` the scores of each sample are kept, else their sums over some."""
+    """Run one recording; with `keep` what each sample says is kept, else the sum of the scores in one row."""
     (common, lanes), n_y = _begun(plant, point, number), plant.layout.n_y
-    count = lanes.shape[1]
+    count, kept = lanes.shape[1], len(record.time) if keep else 0
     information, value = np.zeros((count, count)), 0.0
-    scores, errors, variances = [np.zeros((0, count))], [np.zeros((0, n_y))], [np.zeros((0, n_y))]
+    scores, errors, variances = np.zeros((kept or 1, count)), np.full((kept, n_y), np.nan), np.full((kept, n_y), np.nan)
     with np.errstate(all="ignore"):
         for first in range(0, len(record.time), BLOCK):
             part = slice(first, first + BLOCK)
@@ -167,22 +168,18 @@ def _run(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: 
                 value = -np.inf
                 break
             if keep:
-                errors.append(np.where(use, e, np.nan))
-                variances.append(np.where(use, s, np.nan))
+                errors[part], variances[part] = np.where(use, e, np.nan), np.where(use, s, np.nan)
             e, s, use = e[:, :, None], s[:, :, None], use[:, :, None]
             e_by, s_by = (np.where(use, item, 0.0) for item in np.split(slopes, 2, axis=1))
             by_e, by_s = (item.reshape(e.size, count) for item in (e_by / np.sqrt(s), s_by / s))
             information += by_e.T @ by_e + 0.5 * by_s.T @ by_s
             ratio = e / s
             score = (-ratio * e_by + 0.5 * (ratio**2 - 1.0 / s) * s_by).sum(axis=1)
-            scores.append(score if keep else score.sum(axis=0, keepdims=True))
-    return Scored(
-        innovations=np.concatenate(errors),
-        variances=np.concatenate(variances),
-        scores=np.concatenate(scores) if len(scores) > 1 else np.zeros((1, count)),
-        information=information,
-        value=value,
-    )
+            if keep:
+                scores[part] = score
+            else:
+                scores[0] += score.sum(axis=0)
+    return Scored(innovations=errors, variances=variances, scores=scores, information=information, value=value)
 
 
 def _begun(plant: FittedPlant, point: FitPoint, number: int) -> tuple[FloatArray, FloatArray]:

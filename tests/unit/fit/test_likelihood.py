@@ -138,6 +138,16 @@ def test_scores_of_samples_add_up() -> None:
     assert np.isfinite(parts.innovations).sum() == 2 * 60 - 2
 
 
+def test_a_plant_without_a_course_says_so_of_all_samples() -> None:
+    """Where values give it none there is no likelihood, and of no sample an innovation."""
+    plant, records, begin = prepared(RC, recording())
+    lost = score_recording(plant, records[0], replace(begin, values=np.full_like(begin.values, np.nan)), 0)
+    assert lost.value == -np.inf
+    assert lost.innovations.shape == lost.variances.shape == records[0].y.shape
+    assert lost.scores.shape == (len(records[0].time), lost.information.shape[0])
+    assert not np.isfinite(lost.innovations).any()
+
+
 def test_a_reading_that_feels_an_absent_input_is_not_used() -> None:
     """While the voltage is missing the current, which feels it at once, does not count; that of the capacitor does."""
     points = [replace(item, u=np.full(1, np.nan)) if 30 <= k < 34 else item for k, item in enumerate(recording())]

@@ -147,7 +147,8 @@ class Cured(SimpleNamespace):
 
     def climbed(self, stand: Footing) -> Footing:
         if self.inside:
-            return replace(stand, held=-500.0, values={**stand.values, "R": 2.1})
+            course = 0.0 if self.course else -np.inf
+            return replace(stand, held=-500.0, trained=course, values={**stand.values, "R": 2.1})
         if "R" in self.believed:
             return replace(stand, held=self.gain, values={**stand.values, "R": self.ends})
         return replace(stand, held=self.gain + self.free, values={**stand.values, "R": 3.0})
@@ -161,6 +162,7 @@ class Cured(SimpleNamespace):
     [
         ({}, True),
         ({"found": False}, False),
+        ({"course": False}, False),
         ({"gain": 0.5 * WORTH}, False),
         ({"free": FEWEST + 1.0}, False),
         ({"ends": 3.0}, False),
@@ -169,13 +171,14 @@ class Cured(SimpleNamespace):
 def test_what_is_missing_is_kept_where_it_explains_as_much(case: dict[str, float], is_cured: bool) -> None:
     """It is kept where it foretells better, lets the parameter stay, and letting it go would gain hardly more.
 
-    Then the declared accuracy counts from there on; else all is as it was.
+    The plant must have a course with the parameter inside. Then the declared accuracy counts from there on; else all is
+    as it was.
     """
     graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
     parameters = tuple(enumerate(graph.parameters))
     known = {item.name: item.nominal for item in graph.parameters}
     stand = Footing(graph=graph, values=known | {"R": 3.0}, starts={}, held=0.0)
-    options = {"found": True, "gain": 50.0, "free": 1.0, "ends": 2.1} | case
+    options = {"found": True, "gain": 50.0, "free": 1.0, "ends": 2.1, "course": True} | case
     fake = Cured(
         parameters=parameters, own=(), tell=lambda _: None, inside=frozenset(), believed=frozenset(), refused=set()
     )
