@@ -11,7 +11,7 @@ from faultbond.errors import ModelError
 from faultbond.model.expression import RATE, TABLE, Binary, Call, Expression, Name, Negative, Number
 from faultbond.model.parser import constant_value, to_text
 from faultbond.model.source import shown
-from faultbond.model.units import DIMENSIONLESS, SECOND, Dimension, coulomb_hint
+from faultbond.model.units import DIMENSIONLESS, SECOND, Dimension, coulomb_hint, percent_hint
 from faultbond.model.values import Values
 from faultbond.model.wiring import Wiring
 
@@ -193,7 +193,8 @@ class Checker:
         return str(_known(self.solver.reduced(form)))
 
     def _hint(self, left: Dimension, right: Dimension) -> str:
-        return coulomb_hint(_known(self.solver.reduced(left)), _known(self.solver.reduced(right)))
+        one, other = (_known(self.solver.reduced(form)) for form in (left, right))
+        return coulomb_hint(one, other) or percent_hint(one, other)
 
     def unit_of(self, signal: str) -> str | None:
         """Give the SI unit of a signal, `1` if it is dimensionless; None where laws and units do not fix it."""

@@ -82,6 +82,10 @@ class LawReader:
         missing = [signal for signal in MUST_NAME[part.type] if f"{part.name}.{signal}" not in used]
         if missing:
             problem = f"names no `{missing[0]}`; the law of {element} relates {', '.join(MUST_NAME[part.type])}"
+            ends = [name for name in used if name.endswith(".e") and not name.startswith(f"{part.name}.")]
+            if part.type is ElementType.R and missing == ["e"] and len(ends) == 2:
+                a, b = sorted(ends)
+                problem += f"; `e` is `{a} - {b}` or the other way round, so write `{a}**2 - {b}**2` as `e*({a} + {b})`"
             raise self.source.error(texts[0][1], f"law of {part.name} {problem}")
         return tuple(found)
 

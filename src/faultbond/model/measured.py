@@ -116,8 +116,9 @@ class MeasuredReader:
         else:
             self.stated[name] = measure, "its unit"
         reads, text = self.laws.expression(fields["reads"]), shown(fields["reads"].text())
-        if not any(self.laws.is_signal(item) for item in names(reads)):
-            raise place.at(fields["reads"]).error(f": `{text}` reads no signal, such as `{signal}`")
+        if set(names(reads)) <= {item.name for item in self.laws.values.constants}:
+            problem = f": `{text}` is always the same; name a signal such as `{signal}`, an input or a parameter"
+            raise place.at(fields["reads"]).error(problem)
         if self.laws.is_signal(name) and reads != Name(name):
             advice = "rename one and state `column`" if word == "sensor" else "rename the check"
             raise place.error(f": a signal has this name too, and the {word} reads `{text}`; {advice}")

@@ -112,6 +112,13 @@ def coulomb_hint(one: Dimension, other: Dimension) -> str:
     return "`C` is the coulomb; write `degC` for degrees Celsius" if meant else ""
 
 
+def percent_hint(one: Dimension, other: Dimension) -> str:
+    """Say what to write where two dimensions differ by a power of `percent` alone; empty: they do not."""
+    meant = [name for name, _ in (one / other).powers] == ["percent"]
+    advice = "`percent` goes from 0 to 100 and is a unit: state `constants: {full: 100 percent}` and divide by `full`"
+    return advice if meant else ""
+
+
 @cache
 def _derived() -> dict[Dimension, str]:
     """Give the usual symbols of derived units, for messages."""

@@ -212,7 +212,7 @@ WRONG = [  # what stands in the file, what stands there instead, line, message
     ("name:", "checks: {Q: {move: 5 m}}\nname:", 1, r"check Q: move is in m, but m\^3/s is expected"),
     ("name:", "checks: {Q: {move: 0}}\nname:", 1, "check Q: move is a size above 0"),
     ("name:", "checks: {j: {reads: outlet.f}}\nname:", 1, "check j: `noise` is missing; state its standard deviation"),
-    ("name:", "checks: {j: {reads: G, noise: 1}}\nname:", 1, "check j: `G` reads no signal"),
+    ("name:", "checks: {j: {reads: 3, noise: 1}}\nname:", 1, "check j: `3` is always the same"),
     ("name:", "checks: {j: {reads: node.e, noise: 1 Pa}}\nname:", 1, "check j: `node.e` is in m, but its noise in Pa"),
     ("name:", "checks: {j: {reads: node.e, noise: 1, move: 1}}\nname:", 1, "check j: a signal is measured, not moved"),
 ]

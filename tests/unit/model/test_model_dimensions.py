@@ -58,6 +58,7 @@ def test_consistent_laws_load(law: str, value: str) -> None:
         ("e = where(f > 0, R*f, f)", "3 ohm", r"two results of where\(\)"),
         ("e = abs(R)*f", "3 A", r"`abs\(R\)\*R.f` in A\^2"),
         ("e = min(R, 5)*f", "3 V", r"law of R"),
+        ("e = R*f", "3 ohm/percent", r"`percent` goes from 0 to 100 .*: state `constants: {full: 100 percent}` and"),
         ("e = R*f*(100 - pos)", "3 ohm", r"kg\*m\^2\*percent/A/s\^3"),
     ],
 )
