@@ -48,7 +48,7 @@ def other_holds(
         moves = float(np.mean(np.concatenate([np.diff(record.u[:, k]) != 0.0 for record in records])))
         gains = {Kind.HOLD: _gone_with(stand, records, k) if moves > RESTLESS else 0.0}
         gains[Kind.NEXT] = sum(
-            told_early(off[:, j], record.y[:, j], record.u[:, k])[0]
+            told_early(off[:, j], float(stand.ways[j, k]), record.u[:, k])[0]
             for off, record in zip(stand.innovations, records, strict=True)
             for j in range(off.shape[1])
             if k not in direct[j]

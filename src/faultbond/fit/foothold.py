@@ -1,7 +1,7 @@
 """Where a search for imperfections stands: the plant as it is by now, and what was added to it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -40,6 +40,7 @@ class Footing:
     graph : noise of sensors and imperfections as found; values : of the parameters by name, SI
     starts : of the recordings that are fitted, by the name of the state or of a recording's own parameter
     innovations, expected : of the recordings that are fitted, (N, n_outputs) each; in standard deviations, and SI
+    ways : how far each output moves on the whole where an input is a little larger, (n_outputs, n_inputs), SI
     trained, few, held : logarithms of the likelihood of recordings fitted, of the few that compare, and held back
     unknown : mean logarithm of the standard errors of the parameters
     """
@@ -53,6 +54,7 @@ class Footing:
     unknown: float = 0.0
     innovations: tuple[FloatArray, ...] = ()
     expected: tuple[FloatArray, ...] = ()
+    ways: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     added: tuple[Added, ...] = ()
 
 

@@ -88,18 +88,17 @@ def late_sensors(spec: EngineSpec, records: Sequence[HealthyRecording], watches:
     found = []
     for j, output in enumerate(spec.outputs):
         scores = np.concatenate([item.scores[:, j] for item in watches])
-        moved = np.concatenate([_moved(item.y[:, j]) for item in records])
         best = Late(sensor=output.name, of="", part=LEAST_PART)
         for k, known in enumerate(spec.inputs):
             changes = np.concatenate([_changes_ago(item.u[:, k]) for item in records])
             if k not in output.direct_inputs:
                 changes = changes[:, 1:]  # what it does in the very row may follow the noise of the reading
-            seen, course = _regressed(scores, changes), _regressed(moved, changes)
-            if seen is None or course is None or seen[1] < CLEAR:
+            if (seen := _regressed(scores, changes)) is None or seen[1] < CLEAR:
                 continue
             slopes, part = seen[0], 1.0 - float(np.exp(-2.0 * seen[1] / seen[2]))
+            way = sum(float(item.ways[j, k]) for item in watches)
             fades = np.abs(slopes[-1]) < FADED * np.max(np.abs(slopes))
-            if part > best.part and fades and _largest(slopes) * _largest(course[0]) < 0.0:
+            if part > best.part and fades and _largest(slopes) * way < 0.0:
                 by = _seconds_later(records, watches, j, k)
                 best = Late(sensor=output.name, of=known.name, part=part, by=by)
         found += [best] if best.of else []
@@ -114,7 +113,8 @@ def early_sensors(spec: EngineSpec, records: Sequence[HealthyRecording], watches
         for k, known in enumerate(spec.inputs):
             if k in output.direct_inputs:
                 continue
-            seen = [told_early(w.scores[:, j], r.y[:, j], r.u[:, k]) for r, w in zip(records, watches, strict=True)]
+            parts = zip(records, watches, strict=True)
+            seen = [told_early(item.scores[:, j], float(item.ways[j, k]), record.u[:, k]) for record, item in parts]
             nats, count = sum(item[0] for item in seen), sum(item[1] for item in seen)
             part = 1.0 - float(np.exp(-2.0 * nats / max(count, 1)))
             if nats >= CLEAR and part > best.part:
@@ -123,19 +123,20 @@ def early_sensors(spec: EngineSpec, records: Sequence[HealthyRecording], watches
     return tuple(sorted(found, key=lambda item: item.part, reverse=True))
 
 
-def told_early(off: FloatArray, y: FloatArray, u: FloatArray) -> tuple[float, int]:
+def told_early(off: FloatArray, way: float, u: FloatArray) -> tuple[float, int]:
     """Give how many nats it is worth that errors go with what an input did in the very row, and how many samples tell.
 
-    That the reading then goes the other way than it does after a change is a controller's doing, and tells nothing.
+    What goes the other way than the plant is a controller's doing, which answers the reading, and tells nothing.
 
     Parameters
     ----------
     off : errors of a sensor that does not feel the input at once (N,), in standard deviations
-    y, u : its readings and the input (N,)
+    way : how far the sensor moves on the whole where the input is larger
+    u : the input (N,)
     """
     changes = _changes_ago(u)
-    both, before, course = (_regressed(*of) for of in ((off, changes), (off, changes[:, 1:]), (_moved(y), changes)))
-    if both is None or before is None or course is None or both[0][0] * _largest(course[0]) <= 0.0:
+    both, before = _regressed(off, changes), _regressed(off, changes[:, 1:])
+    if both is None or before is None or not both[0][0] * way > 0.0:
         return 0.0, int(np.isfinite(off).sum())
     return max(both[1] - before[1], 0.0), both[2]
 

@@ -14,6 +14,7 @@ from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.spec import covariance_place
 from faultbond.fit.cusum import added, heights_of, no_sums
+from faultbond.fit.response import raised_inputs, way_between, with_raised
 from faultbond.fit.samples import HealthyRecording, trusted
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
@@ -37,7 +38,8 @@ class Watch:
     monitor itself says where all is as declared; slow (N, n_slow): slow errors in their declared sizes. walk: how far a
     parameter walked at most, with everything as declared; 1: an alarm; walker: the parameter, -1: none was judged;
     strayed (n_parameters,): how far each was from where it started, where none had walked farther. alone (N,
-    n_outputs): what the plant alone shows under the inputs, SI.
+    n_outputs): what the plant alone shows under the inputs, SI; ways (n_outputs, n_inputs): how far each output moves
+    on the whole where an input is a little larger, SI, which no controller turns round.
     """
 
     scores: FloatArray
@@ -48,6 +50,7 @@ class Watch:
     walker: int
     strayed: FloatArray
     alone: FloatArray
+    ways: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,14 +98,16 @@ def watch_taken(
     spec, count = core.spec, max((item.count for item in taken), default=0)
     shape = (len(variants), len(taken), count, len(spec.outputs))
     scores, slow = np.full(shape, np.nan), np.full((*shape[:3], len(spec.slow_errors)), np.nan)
-    alone = np.full(shape[1:], np.nan)
+    alone, ways = np.full(shape[1:], np.nan), list[FloatArray]()
     use, forget, astray = np.zeros((3, *shape[1:]), dtype=bool)
     for r, item in enumerate(taken):
         first = item.count - len(item.rows)
         warm = first + spec.thresholds.warm_up_samples
         for k, variant in enumerate(variants):
             scores[k, r, first : item.count], slow[k, r, first : item.count] = _filtered(core, item, variant)
-        alone[r, first : item.count] = _alone(core, item)
+        shown = _alone(core, item)
+        alone[r, first : item.count] = np.where(item.use, shown, np.nan)
+        ways.append(_ways(core, item, shown))
         scores[:, r, :warm], slow[:, r, :warm] = np.nan, np.nan
         use[r, first : item.count], astray[r, first : item.count] = item.use, item.astray[:, None]
         forget[r, first : item.count] = item.settling | item.astray[:, None]
@@ -126,6 +131,7 @@ def watch_taken(
                 walker=item.walker,
                 strayed=item.strayed,
                 alone=alone[r, : item.count],
+                ways=ways[r],
             )
             for k, variant in enumerate(variants)
         )
@@ -216,17 +222,25 @@ def _filtered(core: Core, taken: Taken, variant: Variant) -> tuple[FloatArray, F
     return found[:, :n_y] / np.sqrt(found[:, n_y : 2 * n_y]), slow
 
 
-def _alone(core: Core, taken: Taken) -> FloatArray:
-    """Give what the plant shows if no reading is taken, (n, n_outputs), SI; nan where there is none to compare with."""
+def _alone(core: Core, taken: Taken, more: FloatArray | None = None) -> FloatArray:
+    """Give what the plant shows if no reading is taken, (n, n_outputs), SI; perhaps with `more` (n_inputs,) put in."""
     place, n_y = core.spec.sample_fields, len(core.spec.outputs)
     rows = taken.rows.copy()
     if not len(rows):
         return np.zeros((0, n_y))
     rows[:, place["use"]] = 0.0
+    if more is not None:
+        rows = with_raised(rows, place, more)
     known = _declared(core, Variant())
     lane = core.healthy_lane(*core.solve_start(taken.rows[: taken.started], known), known)
     off = core.advance(lane, rows)[1][:, :n_y, 0]
-    return np.where(taken.use, rows[:, place["y"]] - off, np.nan)
+    return np.asarray(rows[:, place["y"]] - off)
+
+
+def _ways(core: Core, taken: Taken, alone: FloatArray) -> FloatArray:
+    """Give how far outputs move on the whole where an input is a little larger, (n_outputs, n_inputs), SI."""
+    more = raised_inputs(taken.rows[:, core.spec.sample_fields["u"]])
+    return np.column_stack([way_between(alone, _alone(core, taken, item)) for item in more])
 
 
 def _declared(core: Core, variant: Variant) -> FloatArray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.fit.likelihood import Layout, Likelihood
+from faultbond.fit.response import raised_inputs, way_between, with_raised
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.unknowns import Unknowns
 
@@ -138,17 +139,34 @@ def score_recording(plant: FittedPlant, record: HealthyRecording, point: FitPoin
     return _run(plant, record, point, number, keep=True)
 
 
-def follow_alone(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int) -> FloatArray:
-    """Give what the plant shows under the inputs of one recording alone, (N, n_outputs), SI; nan: it has no value."""
+def follow_alone(
+    plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int, more: FloatArray | None = None
+) -> FloatArray:
+    """Give what the plant shows under the inputs of one recording alone, (N, n_outputs), SI; nan: it has no value.
+
+    more: (n_inputs,), by which each is larger, SI.
+    """
     (common, _), place = _begun(plant, point, number), plant.layout.sample_fields
     samples, found = record.samples.copy(), np.full(record.use.shape, np.nan)
     samples[:, place["use"]] = 0.0
+    if more is not None:
+        samples = with_raised(samples, place, more)
     with np.errstate(all="ignore"):
         for first in range(0, len(samples), BLOCK):
             part = slice(first, first + BLOCK)
             common, _, seen, _ = plant.engine.advance(common, NO_LANES, samples[part])
             found[part] = samples[part][:, place["y"]] - seen[:, : plant.layout.n_y]
     return found
+
+
+def ways_of(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> FloatArray:
+    """Give how far outputs move on the whole where an input is a little larger, (n_outputs, n_inputs), SI."""
+    total = np.zeros((plant.layout.n_y, plant.layout.n_u))
+    for r, record in enumerate(records):
+        alone = follow_alone(plant, record, point, r)
+        raised = (follow_alone(plant, record, point, r, more) for more in raised_inputs(record.u))
+        total += np.column_stack([way_between(alone, item) for item in raised])
+    return total
 
 
 def _run(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int, *, keep: bool) -> Scored:

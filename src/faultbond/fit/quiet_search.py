@@ -46,7 +46,7 @@ from faultbond.fit.imperfections import (
     without_slow_error,
 )
 from faultbond.fit.likelihood import Likelihood, Padded, build_begin, known_starts, layout_of, nominal_q
-from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording
+from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording, ways_of
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.stray import INSIDE
 from faultbond.fit.unknowns import Unknowns, unknowns_of
@@ -568,6 +568,7 @@ class _Ground:
             stood,
             innovations=tuple(item.standardised for item in seen),
             expected=tuple(x.y - item.innovations for x, item in zip(self.search.trained, seen, strict=True)),
+            ways=ways_of(known, self.search.few, point),
             few=sum(item.value for item in seen[: len(self.search.few)]),
         )
 

@@ -29,29 +29,32 @@ sensors: {v: {reads: C.e, unit: V, noise: 1 mV}}
 ROWS = 2000
 
 
-def made(sign: float, ago: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Give an input in steps, a reading that follows it, and errors that go with these steps some rows ago."""
+def made(sign: float, ago: int = 0) -> tuple[FloatArray, FloatArray]:
+    """Give an input in steps, and errors that go with these steps some rows ago."""
     rng = np.random.default_rng(4)
     u = np.repeat(rng.normal(size=ROWS // 20), 20)
     change = np.diff(u, prepend=u[:1])
-    off = rng.normal(size=ROWS) + sign * np.concatenate([np.zeros(ago), change[: ROWS - ago]])
-    return u, np.convolve(u, np.exp(-np.arange(50) / 10.0))[:ROWS], off
+    return u, rng.normal(size=ROWS) + sign * np.concatenate([np.zeros(ago), change[: ROWS - ago]])
 
 
-def proposed(sign: float, *, ago: int = 0, direct: tuple[int, ...] = (), hold: Hold = Hold.LAST) -> list[Kind]:
-    """Give what is proposed where errors go with the steps of an input some rows ago."""
-    u, y, off = made(sign, ago)
+def proposed(
+    sign: float, *, ago: int = 0, way: float = 1.0, direct: tuple[int, ...] = (), hold: Hold = Hold.LAST
+) -> list[Kind]:
+    """Give what is proposed where errors go with the steps of an input some rows ago, and the plant goes a way."""
+    u, off = made(sign, ago)
     graph = replace(GRAPH, inputs=(replace(GRAPH.inputs[0], hold=hold),))
-    stand = SimpleNamespace(graph=graph, innovations=(off[:, None],))
-    records = (SimpleNamespace(u=u[:, None], y=y[:, None]),)
+    stand = SimpleNamespace(graph=graph, innovations=(off[:, None],), ways=np.array([[way]]))
+    records = (SimpleNamespace(u=u[:, None]),)
     return [item.kind for item in other_holds(cast("Any", stand), cast("Any", records), (direct,))]
 
 
 def test_an_error_in_the_row_of_a_change_asks_for_the_next_row() -> None:
-    """One that comes a row later does not, nor one against the way the reading goes, as a controller makes it."""
+    """One that comes a row later does not, nor one against the way the plant goes, as a controller makes it."""
     assert proposed(2.0) == [Kind.NEXT]
+    assert proposed(-2.0, way=-1.0) == [Kind.NEXT]
     assert proposed(2.0, ago=1) == []
     assert proposed(-2.0) == []
+    assert proposed(2.0, way=0.0) == []
 
 
 def test_what_is_there_already_is_not_asked_for() -> None:
@@ -63,11 +66,12 @@ def test_what_is_there_already_is_not_asked_for() -> None:
 @pytest.mark.parametrize(("direct", "told"), [((), ["v"]), ((0,), [])])
 def test_a_sensor_that_feels_its_input_at_once_is_never_early(direct: tuple[int, ...], told: list[str]) -> None:
     """Its errors go with the row of a change, as those of any law that is wrong do."""
-    u, y, off = made(2.0)
+    u, off = made(2.0)
     output, known = SimpleNamespace(name="v", direct_inputs=direct), SimpleNamespace(name="V")
     spec = cast("Any", SimpleNamespace(outputs=(output,), inputs=(known,)))
-    records = cast("Any", (SimpleNamespace(u=u[:, None], y=y[:, None]),))
-    found = early_sensors(spec, records, cast("Any", (SimpleNamespace(scores=off[:, None]),)))
+    records = cast("Any", (SimpleNamespace(u=u[:, None]),))
+    watch = SimpleNamespace(scores=off[:, None], ways=np.array([[1.0]]))
+    found = early_sensors(spec, records, cast("Any", (watch,)))
     assert [item.sensor for item in found] == told
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from bare_core import CELL
+from faultbond.app.likelihood import likelihood_engine
 from faultbond.contract.samples import Sample
 from faultbond.contract.spec import Thresholds
 from faultbond.equations.plant import build_plant
@@ -14,7 +15,10 @@ from faultbond.fit.certainty import long_run_variance
 from faultbond.fit.cusum import LAGS, added, no_sums
 from faultbond.fit.false_alarms import alarm_rates, cusum_time, scatter_time
 from faultbond.fit.innovations import Variant, Watch, take_recording, watch_recording, watch_taken
+from faultbond.fit.objective import ways_of
+from faultbond.fit.response import A_LITTLE
 from faultbond.fit.samples import healthy_recording
+from faultbond.fit.session import build_fit, free_parameters
 from faultbond.fit.trial import on_trial
 from faultbond.io.examples import example
 from faultbond.io.grid import Grid, on_grid
@@ -23,7 +27,7 @@ from faultbond.model.text import load_model, parse_model
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Inputs, simulate
-from faultbond.synthesis.engine import build_core, build_engine
+from faultbond.synthesis.engine import build_core, build_engine, build_model
 from made import run
 
 
@@ -98,8 +102,42 @@ def test_recordings_side_by_side_are_seen_as_each_alone() -> None:
     variants = Variant(), Variant(noise=0.5)
     for one, together in zip(taken, watch_taken(core, taken, variants), strict=True):
         for alone, beside in zip(watch_taken(core, (one,), variants)[0], together, strict=True):
-            for name in ("scores", "climbs", "height", "slow", "alone"):
+            for name in ("scores", "climbs", "height", "slow", "alone", "ways"):
                 assert np.array_equal(getattr(alone, name), getattr(beside, name), equal_nan=True), name
+
+
+ROOM = """
+name: room
+sample_time: 10 s
+inputs: {power: {unit: W}, outside: {unit: K}}
+components:
+  heater: {type: Sf, law: f = power}
+  room: {type: C, law: q = C*e, parameters: {C: 60 kJ/K}, start: {q: 18 MJ, sd: 1 MJ}}
+  wall: {type: R, law: f = K*e, parameters: {K: 100 W/K}}
+  ambient: {type: Se, law: e = outside}
+junctions: {inside: 0, through: 1}
+bonds: [heater -> inside -> room, inside -> through -> wall, through -> ambient]
+sensors: {T: {reads: inside.e, unit: K, noise: 0.05 K}}
+"""
+
+
+def test_the_way_of_an_input_is_the_plants_own_whatever_drives_it() -> None:
+    """A heater that is driven against the weather still warms, though readings rise while it falls."""
+    graph, n = parse_model(ROOM), 1200
+    time = np.linspace(0.0, 10.0 * (n - 1), n)
+    outside = 280.0 + 10.0 * np.sin(np.arange(n) / 80.0)
+    inputs = Inputs(time=time, values=np.column_stack([2000.0 - 50.0 * (outside - 280.0), outside]))
+    y = simulate(graph, inputs, seed=5, start={"room.q": 18e6}).outputs
+    assert np.corrcoef(y[:, 0], inputs.values[:, 0])[0, 1] < -0.5
+    points = [Sample(time=t, dt=10.0, u=u, y=row) for t, u, row in zip(time.tolist(), inputs.values, y, strict=True)]
+    built, core = build_model(graph), build_engine(graph)[1]
+    record = healthy_recording("room", points, core)
+    (seen,) = watch_recording(core, record)
+    gain = 0.9 * np.array([1.0 / 100.0, 1.0])  # on the whole, with 600 s until it is there, of 12000 s
+    raised = A_LITTLE * inputs.values.max(axis=0)
+    assert seen.ways[0] == pytest.approx(gain * raised, rel=0.1)
+    plant, records, point = build_fit(built, likelihood_engine(built), core, [("room", points)], free_parameters(graph))
+    assert ways_of(plant, records, point)[0] == pytest.approx(gain * raised, rel=0.1)
 
 
 def test_as_declared_the_heights_are_those_of_the_monitor() -> None:
@@ -165,6 +203,7 @@ def test_the_time_of_a_sensor_is_that_of_its_scatter_too() -> None:
         walker=-1,
         strayed=np.zeros(len(built.parameters)),
         alone=scores,
+        ways=np.zeros((len(built.outputs), len(built.inputs))),
     )
     rate = alarm_rates(built, [seen], 2.0)[0]
     told = max(scatter_time(built.thresholds, [scores[:, 0]], lag) for lag in range(1, LAGS + 1))
