@@ -172,7 +172,7 @@ def _slot_tables(spec: EngineSpec) -> Iterable[str]:
     lanes = plan_slots(spec).lanes
     kinds = tuple(FaultKind)
     yield integers("SLOT_KIND", (kinds.index(item.kind) for item in lanes))
-    for name in ("hypothesis", "parameter", "input", "output", "acts", "sticks", "old"):
+    for name in ("hypothesis", "parameter", "input", "output", "acts", "sticks", "scales", "old"):
         yield integers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
     for name in ("size", "size_sd", "rate", "rate_sd", "noise", "weight"):
         yield numbers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
