@@ -34,11 +34,11 @@ COMMANDED = log(0.3)  # prior weight of the faults of an input, beside the step 
 INPUT_KINDS = {  # and of each of them
     FaultKind.BIAS: 1.0,
     FaultKind.DRIFT: 0.6,
-    FaultKind.GAIN: 0.3,
+    FaultKind.GAIN: 0.6,
     FaultKind.STUCK: 0.3,
     FaultKind.INTERMITTENT: 0.2,
 }
-INPUT_GAIN_DRIFT, SENSOR_GAIN_DRIFT = 0.15, 0.0015  # the same of a gain that drifts: half of one that is wrong at once
+INPUT_GAIN_DRIFT, SENSOR_GAIN_DRIFT = 0.3, 0.0015  # the same of a gain that drifts: half of one that is wrong at once
 SENSOR_KINDS = {  # prior weights of the faults of a sensor; a wrong gain is rare, and hard to tell from the plant
     FaultKind.BIAS: 0.577,
     FaultKind.DRIFT: 0.12,
