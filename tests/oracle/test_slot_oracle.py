@@ -44,8 +44,8 @@ def acts_of(lane: SlotLane) -> Acts:
     if lane.parameter >= 0:
         there = float(lane.acts)
         return Acts(resistor=there * (lane.parameter == 0), capacitor=there * (lane.parameter == 1))
-    if lane.input >= 0 and lane.kind is FaultKind.GAIN:
-        return Acts(of_record=1.0)
+    if lane.scales:
+        return Acts(of_record=1.0) if lane.input >= 0 else Acts(gain=1.0)
     if lane.input >= 0:
         return Acts(voltage=float(lane.acts), obeys=float(not lane.sticks))
     if not lane.acts:
@@ -54,7 +54,6 @@ def acts_of(lane: SlotLane) -> Acts:
         FaultKind.BIAS: Acts(added=NOISE_Y),
         FaultKind.DRIFT: Acts(added=NOISE_Y),
         FaultKind.RAMP: Acts(added=NOISE_Y),
-        FaultKind.GAIN: Acts(gain=1.0),
         FaultKind.STUCK: Acts(reads=0.0, added=NOISE_Y, scatter=lane.noise),
         FaultKind.NOISE: Acts(scatter=lane.noise),
         FaultKind.INTERMITTENT: Acts(reads=float(not lane.sticks), added=NOISE_Y),

@@ -8,7 +8,6 @@ from faultbond.arrays import FloatArray, IntArray
 from faultbond.contract.lanes import LanePlan
 from faultbond.contract.slots import SlotPlan, with_slot
 from faultbond.contract.spec import EngineSpec, covariance_place, pack, unpack
-from faultbond.types import FaultKind
 
 
 def relinearised(spec: EngineSpec, samples: FloatArray) -> FloatArray:
@@ -58,7 +57,7 @@ def slot_lanes(
         item, unit = plan.lanes[index], 1.0
         if item.parameter >= 0 and spec.parameters[item.parameter].healthy:
             unit = healthy[spec.parameter_slice.start + item.parameter]
-        elif item.input >= 0 and item.kind is not FaultKind.GAIN:
+        elif item.input >= 0 and not item.scales:
             unit = peak[item.input] or 1.0
         stuck = inputs[item.input] if item.input >= 0 else readings[item.output] / spec.outputs[item.output].noise
         lanes[size, column] = stuck if item.sticks else item.size * unit

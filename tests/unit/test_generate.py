@@ -296,8 +296,8 @@ def test_fewer_lanes() -> None:
     assert set(fewer.hypotheses) | set(fewer.reserve) == set(spec.hypotheses)
     assert not set(fewer.hypotheses) & set(fewer.reserve)
     assert fewer.instruments == spec.instruments
-    with pytest.raises(GenerationError, match="need 259 lanes"):
-        with_lanes(spec, 258)
+    with pytest.raises(GenerationError, match="need 267 lanes"):
+        with_lanes(spec, 266)
     none = watch_only(spec)
     assert (count_lanes(none), none.n_hypotheses, none.thresholds) == (0, 0, spec.thresholds)
 

@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from faultbond.analysis.smallest import SmallestFault
 from faultbond.app import identification, quiet_fit
 from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
@@ -46,7 +47,15 @@ from faultbond.model.parser import to_text
 from faultbond.model.text import load_model, parse_model
 from faultbond.report.fit_result import Fitted
 from faultbond.report.health import health_record, where_lines
-from faultbond.report.quiet_result import _added_row, amended_text, raised_text, widened_text
+from faultbond.report.quiet_result import (
+    Quieted,
+    _added_row,
+    amended_text,
+    quiet_parts,
+    quiet_verdict,
+    raised_text,
+    widened_text,
+)
 from faultbond.report.verdict import unexplained_sentence
 from faultbond.runtime.core import Core
 from faultbond.types import Hold
@@ -588,6 +597,48 @@ def test_nothing_is_added_to_a_right_model(model: Path, tmp_path: Path) -> None:
     assert found["quiet"]["raised"] == []
     assert found["quiet"]["quiet"]
     assert 0.0 < found["quiet"]["smallest"]["R"] < found["quiet"]["smallest_before"]["R"]
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "deaf"),
+    [(0.02, 0.4, ()), (0.02, 0.6, ("R",)), (0.02, None, ("R",)), (0.7, 0.9, ()), (None, None, ())],
+)
+def test_a_model_that_hardly_watches_a_part_says_so(
+    before: float | None, now: float | None, deaf: tuple[str, ...]
+) -> None:
+    """A resistance of which half may go unseen, as it could not before, is named, with the law to look at."""
+    graph = parse_model(MODEL)
+    nominal = graph.parameter("R").nominal
+    faults = [
+        SmallestFault(
+            parameter="R",
+            value=None if part is None else part * nominal,
+            up=None,
+            down=None,
+            within=300.0,
+            certainty=0.95,
+            effects=(),
+        )
+        for part in (before, now)
+    ]
+    item = Imperfection(kind=Kind.ABSOLUTE, place="source.e", size=1.0, memory=60.0)
+    health = SimpleNamespace(keeps=True, has_room=True, between=1e9, peak=0.5, walk=0.1)
+    found = Quieted(
+        fitted=cast("Any", SimpleNamespace(graph=graph, strays=())),
+        text="",
+        held=("b.csv",),
+        stated=True,
+        promise=1e6,
+        added=(Added(what=item, trained=9.0, held=9.0),),
+        health=cast("Any", health),
+        smallest_before=(faults[0],),
+        smallest_after=(faults[1],),
+    )
+    assert found.deaf == deaf
+    told = [text for part in quiet_parts(graph, found) for label, text in part.lines if label == "deaf to"]
+    assert len(told) == len(deaf)
+    assert ("deaf to faults of R" in quiet_verdict(found)) == bool(deaf)
+    assert all(text.startswith("R: only changes by more than half") and "laws at source.e" in text for text in told)
 
 
 def test_what_was_found_is_written_when_the_search_is_stopped(

@@ -34,10 +34,11 @@ COMMANDED = log(0.3)  # prior weight of the faults of an input, beside the step 
 INPUT_KINDS = {  # and of each of them
     FaultKind.BIAS: 1.0,
     FaultKind.DRIFT: 0.6,
-    FaultKind.GAIN: 0.3,
+    FaultKind.GAIN: 0.6,
     FaultKind.STUCK: 0.3,
     FaultKind.INTERMITTENT: 0.2,
 }
+INPUT_GAIN_DRIFT, SENSOR_GAIN_DRIFT = 0.3, 0.0015  # the same of a gain that drifts: half of one that is wrong at once
 SENSOR_KINDS = {  # prior weights of the faults of a sensor; a wrong gain is rare, and hard to tell from the plant
     FaultKind.BIAS: 0.577,
     FaultKind.DRIFT: 0.12,
@@ -56,6 +57,7 @@ class SlotLane:
     parameter, input, output : index of what is at fault, or -1
     acts : False while a fault that comes and goes is gone
     sticks : whether the sensor does not follow the plant, or the input its record, while its fault is there
+    scales : whether what the instrument shows, or the record of the input, is multiplied by 1 + size: its gain is wrong
     old : whether the fault has been under way for long, so that the healthy filter has learned from it
     size, size_sd, rate, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a
         sensor in its noise (bias, stuck), of an input in its largest value seen, of a gain relative; the rate per
@@ -71,6 +73,7 @@ class SlotLane:
     output: int = -1
     acts: bool = True
     sticks: bool = False
+    scales: bool = False
     old: bool = False
     size: float = 0.0
     size_sd: float = 0.0
@@ -142,11 +145,11 @@ def with_slot(spec: EngineSpec, lane: FloatArray) -> FloatArray:
 
 
 def _first_drifts(lanes: Sequence[SlotLane]) -> list[SlotLane]:
-    """Give the drift of each hypothesis that begins at the onset: the one that may be found to have come to its end."""
-    first: dict[int, SlotLane] = {}
+    """Give the drifts of each hypothesis that begin at the onset: those that may be found to have come to their end."""
+    first: dict[tuple[int, bool], SlotLane] = {}
     for lane in lanes:
         if lane.kind is FaultKind.DRIFT:
-            first.setdefault(lane.hypothesis, lane)
+            first.setdefault((lane.hypothesis, lane.scales), lane)
     return list(first.values())
 
 
@@ -185,12 +188,12 @@ def _sensor_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
     """Give the faults of a sensor; those that come and go read wrongly by as much each time, or show the same."""
     lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.BIAS, output=index)
     stuck = replace(lane, kind=FaultKind.STUCK, sticks=True)
-    passing = replace(lane, kind=FaultKind.INTERMITTENT)
+    passing, gain = replace(lane, kind=FaultKind.INTERMITTENT), replace(lane, scales=True)
     found = [
         *(replace(lane, size_sd=sd) for sd in BIASES),
         replace(lane, kind=FaultKind.DRIFT, size_sd=1.0, rate_sd=BIASES[0] / FRESH),
         replace(lane, kind=FaultKind.DRIFT, size_sd=BIASES[0], rate_sd=BIASES[0] / OLD),
-        replace(lane, kind=FaultKind.GAIN, size_sd=GAIN),
+        replace(gain, kind=FaultKind.GAIN, size_sd=GAIN),
         *(replace(stuck, size_sd=sd, noise=noise) for sd in STUCK_AT for noise in STUCK_NOISES),
         *(replace(lane, kind=FaultKind.NOISE, noise=noise) for noise in NOISES),
         *(replace(passing, size_sd=sd) for sd in BIASES),
@@ -199,23 +202,26 @@ def _sensor_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
     counts = Counter(item.kind for item in found)
     for item in found:
         yield replace(item, weight=log(SENSOR_KINDS[item.kind] / counts[item.kind]))
+    yield replace(gain, kind=FaultKind.DRIFT, rate_sd=GAIN / FRESH, weight=log(SENSOR_GAIN_DRIFT))
 
 
 def _input_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
     """Give the faults of an input."""
     lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.BIAS, input=index)
     drift, stuck = replace(lane, kind=FaultKind.DRIFT), replace(lane, kind=FaultKind.STUCK, sticks=True)
+    gain = replace(lane, scales=True)
     found = [
         *(replace(lane, size_sd=sd) for sd in INPUT_BIASES),
         replace(drift, rate_sd=INPUT_BIASES[1] / FRESH),
         replace(drift, size_sd=INPUT_BIASES[0], rate_sd=INPUT_BIASES[0] / OLD),
-        replace(lane, kind=FaultKind.GAIN, size_sd=GAIN),
+        replace(gain, kind=FaultKind.GAIN, size_sd=GAIN),
         *(replace(stuck, size_sd=sd) for sd in INPUT_STUCK),
         *(replace(lane, kind=FaultKind.INTERMITTENT, size_sd=sd) for sd in INPUT_BIASES),
     ]
     counts = Counter(item.kind for item in found)
     for item in found:
         yield replace(item, weight=COMMANDED + log(INPUT_KINDS[item.kind] / counts[item.kind]))
+    yield replace(gain, kind=FaultKind.DRIFT, rate_sd=GAIN / FRESH, weight=COMMANDED + log(INPUT_GAIN_DRIFT))
 
 
 def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:
@@ -230,15 +236,15 @@ def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:
     if lane.parameter >= 0:
         roles[place["theta"] + lane.parameter] = float(lane.acts)
     if lane.input >= 0:
-        is_gain = lane.kind is FaultKind.GAIN
-        roles[place["input"] + lane.input] = -spec.inputs[lane.input].unit_offset if is_gain else float(lane.acts)
-        roles[place["input_gain"] + lane.input] = float(is_gain)
+        zero = spec.inputs[lane.input].unit_offset
+        roles[place["input"] + lane.input] = -zero if lane.scales else float(lane.acts)
+        roles[place["input_gain"] + lane.input] = float(lane.scales)
         roles[place["obeys"] + lane.input] = float(not lane.sticks)
     if lane.output >= 0:
         output = spec.outputs[lane.output]
-        added = -output.unit_offset if lane.kind is FaultKind.GAIN else output.noise * (lane.kind in _ADDED)
+        added = -output.unit_offset if lane.scales else output.noise * (lane.kind in _ADDED)
         roles[place["reads"] + lane.output] = float(not (lane.sticks and lane.acts))
-        roles[place["gain"] + lane.output] = float(lane.kind is FaultKind.GAIN)
+        roles[place["gain"] + lane.output] = float(lane.scales)
         roles[place["bias"] + lane.output] = added * lane.acts
         roles[place["noise"] + lane.output] = lane.noise
     return roles

@@ -3,7 +3,7 @@
 
      1. core.c       a block of samples comes in, one after the other (fb_block)
      2. wild.h       values far beyond all that was seen are refused; until it is known whether an input is, two pasts go on
-        smooth.h     what acts, from records that scatter
+        smooth.h     what acts, from records that scatter; spikes.h: inputs that were off for one sample
         samples.h    the sample as the filters take it: inputs held, steps blanked, gaps allowed for
      3. start.h      the first samples tell where the plant begins, outliers.h without those that are wild
      4. advance.h    the healthy filter: filters.h (filter.h), which steps in time by integrate.h

@@ -100,7 +100,7 @@ static void absorb(State *state, int64_t slot, int64_t kind, double size, double
     } else if (input >= 0 && SLOT_STICKS[slot]) {
         state->normal.input_gain[input] = 0.0;
         state->normal.input_offset[input] = state->inputs.held[input] = size;
-    } else if (input >= 0 && kind == KIND_GAIN) {
+    } else if (input >= 0 && SLOT_SCALES[slot]) {
         state->normal.input_gain[input] *= 1.0 + size;
         state->normal.input_offset[input] += size * (state->normal.input_offset[input] - INPUT_ZERO[input]);
         state->inputs.held[input] += size * (state->inputs.held[input] - INPUT_ZERO[input]);
@@ -108,7 +108,7 @@ static void absorb(State *state, int64_t slot, int64_t kind, double size, double
         state->normal.input_offset[input] += size;
         state->inputs.held[input] += size; /* what acts is not changed by knowing of it */
     } else if (parameter < 0 && SLOT_ACTS[slot]) {
-        absorb_sensor(state, SLOT_OUTPUT[slot], kind, size, estimate);
+        absorb_sensor(state, SLOT_OUTPUT[slot], SLOT_SCALES[slot] && kind == KIND_RAMP ? KIND_GAIN : kind, size, estimate);
     }
 }
 

@@ -176,7 +176,7 @@ static void instrument_suspect(const State *state, int64_t lane, Suspect *suspec
     const Bank *bank = &state->bank;
     const int64_t slot = plan_of(bank, lane);
     const int output = SLOT_OUTPUT[slot], kind = SLOT_KIND[slot];
-    const double unit = SLOT_INPUT[slot] >= 0 || kind == KIND_GAIN ? 1.0 : OUTPUT_NOISE[output];
+    const double unit = SLOT_INPUT[slot] >= 0 || SLOT_SCALES[slot] ? 1.0 : OUTPUT_NOISE[output];
     no_suspect(suspect);
     suspect->input = SLOT_INPUT[slot];
     suspect->output = output;
@@ -185,23 +185,22 @@ static void instrument_suspect(const State *state, int64_t lane, Suspect *suspec
     suspect->word = WORD_BIAS;
     if (SLOT_STICKS[slot]) {
         suspect->word = WORD_STUCK;
-    } else if (kind == KIND_BIAS || kind == KIND_RAMP || kind == KIND_INTERMITTENT) {
-        suspect->nominal = 0.0;
-    } else if (kind == KIND_DRIFT) {
-        suspect->nominal = 0.0;
-        suspect->rate = unit * of_slot(bank, lane, AT_SLOT + 1);
-        suspect->rate_sd = unit * root_of(of_slot(bank, lane, WIDE_PLACE(AT_SLOT + 1, AT_SLOT + 1)));
-    } else if (kind == KIND_GAIN) {
+    } else if (SLOT_SCALES[slot]) {
         suspect->word = WORD_GAIN;
         suspect->nominal = 1.0;
         suspect->estimate += 1.0;
-    } else if (kind == KIND_NOISE) {
+    } else if (kind != KIND_NOISE) {
+        suspect->nominal = 0.0;
+    } else {
         const double noise = state->normal.noise[output]; /* inf: the sensor is out of use, and shows nothing */
         const double known = unit * sqrt((isfinite(noise) ? noise : 1.0) * state->sensors.nis[output]);
         suspect->word = WORD_NOISE;
         suspect->nominal = unit;
         find_scatter(bank, lane, known, bank->rejected[SLOT_HYPOTHESIS[lane]] > 0, suspect);
     }
+    if (kind != KIND_DRIFT) return;
+    suspect->rate = unit * of_slot(bank, lane, AT_SLOT + 1);
+    suspect->rate_sd = unit * root_of(of_slot(bank, lane, WIDE_PLACE(AT_SLOT + 1, AT_SLOT + 1)));
 }
 
 /* The suspect of a lane with a slot. While a fault that comes and goes is gone, its size is that which the lane

@@ -57,12 +57,14 @@ static int64_t hypothesis_of(const Bank *bank, int64_t lane)
     return N_BEGUN + (set < 0 ? 0 : set);
 }
 
-/* Log-likelihood of the likeliest lane of a single suspect that changed at once and stays. */
-static double most_of_changes(const Bank *bank, int64_t hypothesis)
+/* Log-likelihood of the likeliest lane of what a lane of the plan looks for, had that changed at once. */
+static double most_of_changes(const Bank *bank, int64_t slot)
 {
+    const int64_t hypothesis = SLOT_HYPOTHESIS[slot];
+    const int kind = SLOT_SCALES[slot] ? KIND_GAIN : KIND_BIAS;
     double most = LOWEST;
     for (int64_t lane = 0; lane < RAMPED; lane++)
-        if (SLOT_HYPOTHESIS[lane] == hypothesis && SLOT_KIND[lane] == KIND_BIAS)
+        if (SLOT_HYPOTHESIS[lane] == hypothesis && SLOT_KIND[lane] == kind)
             most = fmax(most, finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD)));
     if (hypothesis >= N_SETS) return most;
     for (int64_t lane = FIRST_LANE[hypothesis]; lane < FIRST_LANE[hypothesis + 1]; lane++)
@@ -81,17 +83,17 @@ static int is_at_rest(const Bank *bank, int64_t lane)
     if (SLOT_KIND[slot] != KIND_RAMP) return 0;
     if (of_slot(bank, lane, ROLE_TOOK) <= AT_ONCE * (SAMPLE_TIME > 0.0 ? SAMPLE_TIME : 0.0)) return 1;
     const double likelihood = finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD));
-    return likelihood < most_of_changes(bank, SLOT_HYPOTHESIS[slot]) + 0.5 * MOVES_SDS * MOVES_SDS;
+    return likelihood < most_of_changes(bank, slot) + 0.5 * MOVES_SDS * MOVES_SDS;
 }
 
-/* The kind of fault of a lane. What moves is a step, of an instrument a bias, as long as no more is known of it: drifts and ramps
-   have these among them, and must not take from what is simpler. */
+/* The kind of fault of a lane. What moves is a step, of an instrument a bias or a wrong gain, as long as no more is known of it:
+   drifts and ramps have these among them, and must not take from what is simpler. */
 static int64_t kind_of(const Bank *bank, int64_t lane)
 {
     if (lane < N_STEPS) return KIND_STEP;
     const int64_t slot = plan_of(bank, lane - N_STEPS);
     if (!is_at_rest(bank, lane - N_STEPS)) return SLOT_KIND[slot];
-    return SLOT_PARAMETER[slot] >= 0 ? KIND_STEP : KIND_BIAS;
+    return SLOT_PARAMETER[slot] >= 0 ? KIND_STEP : SLOT_SCALES[slot] ? KIND_GAIN : KIND_BIAS;
 }
 
 /* The suspects of a lane, and how many. */

@@ -120,15 +120,18 @@ static int replace_pair(Bank *bank, int64_t drift, double (*moves)[GROUP], doubl
     return 1;
 }
 
-/* The likeliest lane of a single suspect, of a parameter its steps too; steps come first. One that sticks does not count: it may
-   lead for a while, and where it begins tells nothing of what moves. */
-static int64_t likeliest_of_suspect(Bank *bank, int64_t hypothesis, double *likelihood)
+/* The likeliest lane of the suspect of a pair, of a parameter its steps too; steps come first; of an instrument one of a wrong
+   gain where the pair is. One that sticks does not count: it may lead for a while, and where it begins tells nothing of what
+   moves. */
+static int64_t likeliest_beside(Bank *bank, int64_t pair, double *likelihood)
 {
+    const int64_t hypothesis = SLOT_HYPOTHESIS[drift_of(pair)], scales = SLOT_SCALES[drift_of(pair)];
     int64_t best = hypothesis < N_SETS ? likeliest_lane(bank, hypothesis) : -1;
     *likelihood = best < 0 ? LOWEST : likelihood_of(bank, best);
     for (int64_t lane = 0; lane < SWITCHED; lane++) {
         const double own = finite_or_lowest(likelihood_of_slot(bank, lane));
-        if (SLOT_HYPOTHESIS[lane] != hypothesis || SLOT_STICKS[lane] || (best >= 0 && !(own > *likelihood))) continue;
+        if (SLOT_HYPOTHESIS[lane] != hypothesis || SLOT_SCALES[lane] != scales || SLOT_STICKS[lane]) continue;
+        if (best >= 0 && !(own > *likelihood)) continue;
         *likelihood = own;
         best = N_STEPS + lane;
     }
@@ -143,7 +146,7 @@ static void choose_ramps(Bank *bank, int64_t *drift, int64_t *begins)
     int64_t n = 0;
     for (int64_t pair = 0; pair < N_RAMPS; pair++) {
         double likelihood;
-        const int64_t lane = likeliest_of_suspect(bank, SLOT_HYPOTHESIS[drift_of(pair)], &likelihood);
+        const int64_t lane = likeliest_beside(bank, pair, &likelihood);
         int64_t at = n;
         while (at > 0 && likelihood > said[at - 1]) at--;
         if (at == GROUP) continue;
@@ -168,13 +171,13 @@ FB_OFTEN
 /* Whether a lane that begins at the onset rests. */
 static inline int rests(const Bank *bank, int64_t lane) { return bank->rests[BLOCKS(N_STEPS) + lane / GROUP] != 0; }
 
-/* The likeliest drift of the hypothesis of a pair, that does not rest; -1: none. */
+/* The likeliest drift of what that of a pair is of, that does not rest; -1: none. */
 static int64_t likeliest_drift(Bank *bank, int64_t pair)
 {
     int64_t best = -1;
     double most = -INFINITY;
     for (int64_t lane = 0; lane < SWITCHED; lane++) {
-        if (SLOT_KIND[lane] != KIND_DRIFT || SLOT_HYPOTHESIS[lane] != SLOT_HYPOTHESIS[stay_of(pair)]) continue;
+        if (!is_same_fault(lane, drift_of(pair))) continue;
         const double likelihood = likelihood_of_slot(bank, lane) + SLOT_WEIGHT[lane];
         if (rests(bank, lane) || !(likelihood > most)) continue;
         most = likelihood;

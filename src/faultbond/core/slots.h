@@ -15,7 +15,7 @@
 #define SWITCHING (1.0 / 300.0) /* probability per sample that a fault that comes and goes does so */
 #define EARLY_SWITCHING 2.061153622438558e-9 /* the same where no onset is sought, exp(-20) */
 #define WALK 12                 /* steps in which the bias of an input comes up that takes a while to settle */
-#define RENEWED_KINDS 4         /* of an instrument: bias, drift, gain, stuck */
+#define RENEWED_KINDS 5         /* of an instrument: bias, gain, drifts of both, stuck */
 #define N_PAIRS ((N_SLOT_LANES - SWITCHED) / 2)
 
 /* From what lanes begin: the healthy lane at one place, and what was seen up to there. */
@@ -109,7 +109,7 @@ static void doubted(const double *healthy, const double *old, double *lane)
    sensor shows in its own unit, y = z + (1 + size) (h - z) with z where that is 0: in degC it is none of kelvin. */
 static inline double adds_to_reading(int64_t k, int j)
 {
-    if (SLOT_KIND[k] == KIND_GAIN) return -OUTPUT_ZERO[j];
+    if (SLOT_SCALES[k]) return -OUTPUT_ZERO[j];
     return SLOT_KIND[k] != KIND_NOISE ? OUTPUT_NOISE[j] : 0.0;
 }
 
@@ -122,14 +122,14 @@ static void set_roles(int64_t k, double (*block)[GROUP], int l)
     for (int i = 0; i < N_INPUTS; i++) block[ROLE_OBEYS + i][l] = !(SLOT_STICKS[k] && SLOT_INPUT[k] == i);
     if (SLOT_PARAMETER[k] >= 0) block[ROLE_THETA + SLOT_PARAMETER[k]][l] = SLOT_ACTS[k];
     if (SLOT_INPUT[k] >= 0) {
-        const int is_gain = SLOT_KIND[k] == KIND_GAIN; /* of what the input is in its own unit, see adds_to_reading */
-        block[ROLE_INPUT + SLOT_INPUT[k]][l] = is_gain ? -INPUT_ZERO[SLOT_INPUT[k]] : SLOT_ACTS[k];
-        block[ROLE_INPUT_GAIN + SLOT_INPUT[k]][l] = is_gain;
+        const int scales = SLOT_SCALES[k]; /* what the input is in its own unit, see adds_to_reading */
+        block[ROLE_INPUT + SLOT_INPUT[k]][l] = scales ? -INPUT_ZERO[SLOT_INPUT[k]] : SLOT_ACTS[k];
+        block[ROLE_INPUT_GAIN + SLOT_INPUT[k]][l] = scales;
     }
     if (SLOT_OUTPUT[k] >= 0) {
         const int j = SLOT_OUTPUT[k];
         block[ROLE_READS + j][l] = !(SLOT_STICKS[k] && SLOT_ACTS[k]);
-        block[ROLE_GAIN + j][l] = SLOT_KIND[k] == KIND_GAIN;
+        block[ROLE_GAIN + j][l] = SLOT_SCALES[k];
         block[ROLE_BIAS + j][l] = SLOT_ACTS[k] ? adds_to_reading(k, j) : 0.0;
         block[ROLE_NOISE + j][l] = SLOT_NOISE[k];
     }
@@ -179,7 +179,7 @@ static void begin_slot(int64_t k, const Trail *trail, const double *peak, const 
     const double *from = SLOT_OLD[k] ? start->old : start->wide;
     double unit = 1.0, size;
     if (parameter >= 0 && HEALTHY[parameter] != 0.0) unit = start->healthy[AT_PARAMETERS + parameter];
-    else if (input >= 0 && SLOT_KIND[k] != KIND_GAIN && peak[input] != 0.0) unit = peak[input];
+    else if (input >= 0 && !SLOT_SCALES[k] && peak[input] != 0.0) unit = peak[input];
     const double sd = SLOT_SIZE_SD[k] * unit, rate_sd = SLOT_RATE_SD[k] * unit / start->step;
     for (int64_t i = 0; i < WIDE_NUMBERS; i++) block[i][l] = from[i];
     set_roles(k, block, l);
@@ -575,6 +575,12 @@ static inline double likelihood_of_slot(Bank *bank, int64_t lane)
 
 FB_SELDOM
 
+/* Whether two lanes look for the same fault. */
+static inline int is_same_fault(int64_t one, int64_t two)
+{
+    return SLOT_HYPOTHESIS[one] == SLOT_HYPOTHESIS[two] && SLOT_KIND[one] == SLOT_KIND[two] && SLOT_SCALES[one] == SLOT_SCALES[two];
+}
+
 /* Find the lanes of each fault that are begun again. The spread is that of the least likely of them, or, of a bias, the
    widest: else what was found would count twice. What begins as at first has its own spread, and takes its own place. */
 static int64_t find_renewed(Bank *bank, Renewed *renewed)
@@ -583,9 +589,7 @@ static int64_t find_renewed(Bank *bank, Renewed *renewed)
     for (int64_t lane = 0; lane < SWITCHED; lane++) {
         int64_t at = 0;
         if (!is_renewed(lane)) continue;
-        while (at < n && (SLOT_HYPOTHESIS[lane] != SLOT_HYPOTHESIS[renewed[at].best] ||
-                          SLOT_KIND[lane] != SLOT_KIND[renewed[at].best]))
-            at++;
+        while (at < n && !is_same_fault(lane, renewed[at].best)) at++;
         if (at == n) {
             const Renewed alone = {lane, lane, lane};
             renewed[n++] = alone;
@@ -605,8 +609,7 @@ static int64_t widest_slot(int64_t k)
 {
     int64_t widest = k;
     for (int64_t lane = 0; lane < SWITCHED; lane++)
-        if (SLOT_HYPOTHESIS[lane] == SLOT_HYPOTHESIS[k] && SLOT_KIND[lane] == SLOT_KIND[k] && SLOT_SIZE_SD[lane] > SLOT_SIZE_SD[widest])
-            widest = lane;
+        if (is_same_fault(lane, k) && SLOT_SIZE_SD[lane] > SLOT_SIZE_SD[widest]) widest = lane;
     return widest;
 }
 

@@ -5,6 +5,7 @@
 #include "advice.h"
 #include "outliers.h"
 #include "rule.h"
+#include "spikes.h"
 
 #define START_SAMPLES 20 /* gathered before an unknown start is solved */
 #define DIAGNOSIS_EVERY 20 /* samples between diagnoses */
@@ -311,7 +312,7 @@ static void filter_sample(State *state, int64_t wild, Report *report, Diagnosis 
     double innovations[2 * N_OUTPUTS];
     filter_packed(state, innovations, work);
     if (is_surprising(&state->sensors, work->packed, innovations)) {
-        if (without_spike(&state->normal, state->healthy.lane, work->earlier, work->packed, &work->sample, &work->filters.plain)) {
+        if (without_spike(state, work->earlier, work->packed, &work->sample, &work->filters)) {
             filter_packed(state, innovations, work);
             wild++;
         }

@@ -34,6 +34,7 @@ typedef struct {
     Trial trial;
     Version before, real; /* before a sample, and after it if inputs that were refused are real, */
     double other[N_SAMPLE]; /* for which this is the sample */
+    double judged[N_SAMPLE]; /* as a lane of the bank takes it */
     double one[PLAIN_NUMBERS], two[PLAIN_NUMBERS];
 } SampleMemory;
 
@@ -129,16 +130,23 @@ static double score_of(const double *innovations, const double *other, int j)
     return variance > most || !isfinite(variance) ? NAN : innovations[j] / sqrt(variance);
 }
 
-/* Take a sample after two pasts, each with its own lane, in place: what the readings that both trust say for the second. */
-static double compare(const Normal *normal, double *one, const double *packed, double *two, const double *other, Filter_plain *work)
+/* What the readings that both trust say for the second of two pasts of a sample, by the innovations of each. */
+static double said_by_readings(const double *packed, const double *first, const double *other, const double *second)
 {
-    double first[2 * N_OUTPUTS], second[2 * N_OUTPUTS], sum = 0.0;
-    advance_one(one, packed, normal, first, work);
-    advance_one(two, other, normal, second, work);
+    double sum = 0.0;
     for (int j = 0; j < N_OUTPUTS; j++)
         if (is_trusted(packed, j) && is_trusted(other, j))
             sum += said_for_second(score_of(first, second, j), score_of(second, first, j));
     return sum;
+}
+
+/* Take a sample after two pasts, each with its own lane, in place: what the readings say for the second. */
+static double compare(const Normal *normal, double *one, const double *packed, double *two, const double *other, Filter_plain *work)
+{
+    double first[2 * N_OUTPUTS], second[2 * N_OUTPUTS];
+    advance_one(one, packed, normal, first, work);
+    advance_one(two, other, normal, second, work);
+    return said_by_readings(packed, first, other, second);
 }
 
 /* Let the states be as uncertain, in the sample of the first past, as the two pasts lead them apart. Where the second leads
@@ -254,32 +262,6 @@ static int64_t admit(State *state, const Sample *sample, double *earlier, double
     take_sample(state, sample, packed, &memory->trial, work);
     return 0;
 }
-
-FB_SELDOM
-
-/* Change a packed sample to what it is if inputs that left their value for one sample had not, if the readings say so; gives
-   1 where they do. `lane`: the healthy one before the sample, `earlier`: see `admit`. */
-static int without_spike(const Normal *normal, const double *lane, const double *earlier, double *packed,
-                         SampleMemory *memory, Filter_plain *work)
-{
-    double *other = memory->other;
-    int spikes = 0;
-    memcpy(other, packed, sizeof memory->other);
-    for (int k = 0; k < N_INPUTS; k++) {
-        const double before = packed[SAMPLE_U_BEFORE + k];
-        if (!(fabs(packed[SAMPLE_U + k] - earlier[k]) < SPIKE_BACK * fabs(before - earlier[k]))) continue;
-        other[SAMPLE_U_BEFORE + k] = earlier[k];
-        spikes++;
-    }
-    if (!spikes) return 0;
-    memcpy(memory->one, lane, sizeof memory->one);
-    memcpy(memory->two, lane, sizeof memory->two);
-    if (!(compare(normal, memory->one, packed, memory->two, other, work) > TELLING)) return 0;
-    memcpy(packed, other, sizeof memory->other);
-    return 1;
-}
-
-FB_OFTEN
 
 /* Widen what sensor j has shown by a reading. */
 static void show(Sensors *sensors, int j, double y)

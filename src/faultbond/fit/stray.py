@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
+from faultbond.fit.certainty import SEVERAL, SHOWN, Certainty
 from faultbond.fit.identification import Fit, Prior
 from faultbond.fit.outcome import Estimate
 from faultbond.fit.unknowns import FURTHEST, is_logarithmic
@@ -17,6 +19,7 @@ from faultbond.model.graph import BondGraph, Parameter
 
 INSIDE = 3.0  # accuracies; a parameter that a fit puts farther from where it was declared strays
 TRADED = 0.5  # correlation beyond which a parameter goes with another
+ABOUT_ALIKE = 0.5  # of the largest part in a scale that parameters have in common
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +27,8 @@ class Stray:
     """A parameter that strayed, and the others of which it is hardly told apart.
 
     accuracies : by how many of its declared ones it is off, with the sign
-    moves : by how much it moved, and by about how much they did with it; SI, by name, itself first
+    moves : by how much it moved, and by about how much they did with it, if more than was declared; SI, by name,
+        itself first
     """
 
     parameter: Parameter
@@ -63,23 +67,42 @@ def strays_of(graph: BondGraph, found: Fit, estimates: Sequence[Estimate]) -> tu
     n = len(estimates)
     slopes = found.plant.unknowns.fill(found.plant.base, found.summit.point.values)[1][:n]
     units = slopes * np.array([item.parameter.scale for item in estimates])
-    covariance = found.certainty.covariance[:n, :n] * np.outer(units, units)  # SI
-    sds = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     strays = []
     for k, item in enumerate(estimates):
         off = strayed_by(item.parameter, item.value)
         if abs(off) <= INSIDE or item.stays_zero or item.parameter.name in lags:
             continue
         moved = abs(item.value - item.parameter.nominal)
-        with_it = covariance[k] / (sds[k] * sds)
-        moves = [(item.parameter.name, moved)]
-        moves += [
-            (other.parameter.name, moved * abs(float(covariance[k, j])) / float(sds[k]) ** 2)
+        covariance = _without_scales(found.certainty, k)[:n, :n] * np.outer(units, units)  # SI
+        sds = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        with_it = np.abs(covariance[k]) / (sds[k] * sds)
+        moves = (moved * np.abs(covariance[k]) / sds[k] ** 2).tolist()
+        others = tuple(
+            (other.parameter.name, moves[j])
             for j, other in enumerate(estimates)
-            if j != k and abs(with_it[j]) > TRADED and other.parameter.name not in lags
-        ]
-        strays.append(Stray(parameter=item.parameter, accuracies=off, moves=tuple(moves)))
+            if j != k
+            and with_it[j] > TRADED
+            and moves[j] > other.parameter.accuracy
+            and other.parameter.name not in lags
+        )
+        strays.append(Stray(parameter=item.parameter, accuracies=off, moves=((item.parameter.name, moved), *others)))
     return tuple(sorted(strays, key=lambda one: -abs(one.accuracies)))
+
+
+def _without_scales(certainty: Certainty, k: int) -> FloatArray:
+    """Give the covariance of the unknowns, (n, n), where no scale that many others have in common moves beside one, k.
+
+    Data that show no such scale let all go along with one that is off. That it is off alone is likelier than that all
+    others are by the same part.
+    """
+    covariance, rows = certainty.covariance, certainty.silent.copy()
+    alike = np.all((rows == 0.0) | (np.abs(rows) > ABOUT_ALIKE * SHOWN), axis=1)
+    rows = rows[alike & (rows[:, k] != 0.0) & (np.count_nonzero(rows, axis=1) > SEVERAL)]
+    rows[:, k] = 0.0
+    wide = np.zeros((len(rows), len(covariance)))
+    wide[:, : rows.shape[1]] = rows
+    held = wide @ covariance
+    return np.asarray(covariance - held.T @ np.linalg.pinv(held @ wide.T, hermitian=True) @ held)
 
 
 def doubts_of(strays: Sequence[Stray]) -> dict[str, float]:

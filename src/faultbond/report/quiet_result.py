@@ -28,6 +28,7 @@ from faultbond.report.suspects import unit_of
 
 MOST_LEFT = 3  # places that are named as worth a look
 TOLD = 3.0  # nats; what gains less is no place to look at
+DEAF = 0.5  # of a value; a part that has to change by more is hardly watched
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,6 +70,22 @@ class Quieted:
     def quiet(self) -> bool:
         """Whether the recordings are as quiet as promised; not where nobody has asked."""
         return self.health is not None and self.health.keeps and not self.alarms
+
+    @property
+    def deaf(self) -> tuple[str, ...]:
+        """Parameters of which no change by less than half of the value is found any more, as it was before."""
+        before = {item.parameter: item.value for item in self.smallest_before}
+        now = {item.parameter: item.value for item in self.smallest_after}
+        half = {item.name: DEAF * abs(item.nominal) for item in self.fitted.graph.parameters}
+        return tuple(
+            name
+            for name, value in now.items()
+            if _is_below(before.get(name), half.get(name, 0.0)) and not _is_below(value, half[name])
+        )
+
+
+def _is_below(value: float | None, most: float) -> bool:
+    return value is not None and value <= most
 
 
 def amended_text(text: str, graph: BondGraph, added: Sequence[Added]) -> str:
@@ -196,6 +213,7 @@ def quiet_record(found: Quieted) -> Record:
         "alarms": found.alarms,
         "strayed": stray_records(found.fitted.strays),
         "smallest_before": {item.parameter: item.value for item in found.smallest_before},
+        "deaf": list(found.deaf),
         "smallest": {item.parameter: item.value for item in found.smallest_after},
         "left": [{"kind": item.kind.value, "of": item.place, "gain": gain} for item, gain in found.left],
     }
@@ -240,7 +258,10 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
             note=_within(found.smallest_after),
             header=("suspect", "smallest fault before", "now", "unit"),
             rows=tuple(_cost_rows(found)),
-            lines=tuple(heat_lines(found.fitted.graph, [item.parameter for item in found.smallest_after])),
+            lines=(
+                *heat_lines(found.fitted.graph, [item.parameter for item in found.smallest_after]),
+                *_deaf_lines(found),
+            ),
         )
         parts.append(cost)
     if found.health is not None and (not found.quiet or found.raised or not found.health.has_room):
@@ -259,7 +280,7 @@ def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
             table(console, part.header, part.rows)
         lines(console, list(part.lines))
     console.print()
-    style = "bold green" if found.quiet and not found.fitted.strays else "bold yellow"
+    style = "bold green" if found.quiet and not found.fitted.strays and not found.deaf else "bold yellow"
     console.print(Text(quiet_verdict(found), style=style))
 
 
@@ -299,6 +320,16 @@ def _cost_rows(found: Quieted) -> Iterator[tuple[str, ...]]:
         yield item.parameter, *texts, unit_text(unit.text)
 
 
+def _deaf_lines(found: Quieted) -> list[tuple[str, str]]:
+    """Say which faults are hardly found any more, and what would bring them back."""
+    if not found.deaf:
+        return []
+    slow = [item.what.place for item in found.added if item.what.is_slow]
+    what = f"what is missing in the laws at {join(slow)}" if slow else "what is missing in the model"
+    told = f"{join(found.deaf)}: only changes by more than half show through all that the model may do while healthy"
+    return [("deaf to", f"{told}. Find {what}, or record what acts there as an input, and fit again")]
+
+
 def _left_lines(found: Quieted, health: Health) -> Iterator[tuple[str, str]]:
     """Say where the model is wrong still, and which places would gain."""
     yield from where_lines(found.fitted.graph, health)
@@ -326,6 +357,7 @@ def quiet_verdict(found: Quieted) -> str:
             "alarm. A recording of another day may alarm."
         )
     if found.quiet:
-        return f"The recordings are as quiet as promised: a false alarm every {between}, as far as they tell."
+        deaf = f" The model is deaf to faults of {join(found.deaf)}." if found.deaf else ""
+        return f"The recordings are as quiet as promised: a false alarm every {between}, as far as they tell.{deaf}"
     now = "it alarms on them" if found.alarms or health.peak > 1.0 else f"a false alarm every {between}"
     return f"The model is not as quiet as promised: {now}. Mend it where it is wrong, and fit again."

@@ -171,9 +171,9 @@ def _lane_tables(spec: EngineSpec) -> Iterable[str]:
 def _slot_tables(spec: EngineSpec) -> Iterable[str]:
     lanes = plan_slots(spec).lanes
     kinds = tuple(FaultKind)
-    yield integers("SLOT_KIND", (kinds.index(item.kind) for item in lanes))
-    for name in ("hypothesis", "parameter", "input", "output", "acts", "sticks", "old"):
-        yield integers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
+    yield small_integers("SLOT_KIND", (kinds.index(item.kind) for item in lanes))
+    for name in ("hypothesis", "parameter", "input", "output", "acts", "sticks", "scales", "old"):
+        yield small_integers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
     for name in ("size", "size_sd", "rate", "rate_sd", "noise", "weight"):
         yield numbers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
 
@@ -219,6 +219,14 @@ def ragged_table(
 def integers(name: str, values: Iterable[int]) -> str:
     """Give a table of whole numbers; one entry, 0, where there is none."""
     return _table("int", name, (str(int(value)) for value in values), "0")
+
+
+def small_integers(name: str, values: Iterable[int]) -> str:
+    """Give a table of whole numbers in as few bytes each as hold them all."""
+    found = [int(value) for value in values]
+    widths = {"int8_t": 2**7, "int16_t": 2**15}
+    fits = (kind for kind, end in widths.items() if all(-end <= value < end for value in found))
+    return _table(next(fits, "int"), name, map(str, found), "0")
 
 
 def numbers(name: str, values: Iterable[float]) -> str:

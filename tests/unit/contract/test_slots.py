@@ -60,17 +60,25 @@ def test_single_parameters_drift_or_come_and_go(name: str) -> None:
         assert sum(np.exp(lane.weight) for lane in pairs if lane.acts) == pytest.approx(np.exp(SWITCHING))
 
 
+def is_gain_on_its_way(lane: SlotLane) -> bool:
+    """Whether a lane is of a gain that drifts, or has drifted."""
+    return lane.scales and lane.kind in (FaultKind.DRIFT, FaultKind.RAMP)
+
+
 @pytest.mark.parametrize("name", ["dc_motor_current", "tank", "rc"])
 def test_kinds_of_an_instrument(name: str) -> None:
     """A sensor is biased, drifts, has a wrong gain, is stuck, scatters or errs at times; an input does not scatter.
 
     Those of an input are rarer; what comes and goes has lanes of both, with the weight of one. A ramp that has ended
-    has the weight of the drift that it was.
+    has the weight of the drift that it was. A gain that drifts is half as likely as one that is wrong at once.
     """
     spec = spec_of(name)
     plan = plan_slots(spec)
     for k, instrument in enumerate(spec.instruments, len(spec.hypotheses)):
-        own, shares = lanes_of(plan, k), dict[FaultKind, float]()
+        own, shares = [lane for lane in lanes_of(plan, k) if not is_gain_on_its_way(lane)], dict[FaultKind, float]()
+        scaled = [lane for lane in lanes_of(plan, k) if lane.scales]
+        assert [lane.kind for lane in scaled] == [FaultKind.GAIN, FaultKind.DRIFT, FaultKind.RAMP]
+        assert [lane.weight - scaled[0].weight for lane in scaled] == pytest.approx([0.0, -np.log(2.0), -np.log(2.0)])
         for lane in own:
             index = (lane.output, lane.input) if instrument.is_output else (lane.input, lane.output)
             assert index == (instrument.index, -1)
@@ -115,10 +123,14 @@ def test_pairs_come_last_and_differ_only_in_whether_the_fault_is_there() -> None
 
 
 def test_ramps_are_the_first_drift_of_each_suspect_and_what_it_comes_to() -> None:
-    """From `ramped` on, lanes are pairs of a drift from the onset and what has come to stay; each suspect has one."""
+    """From `ramped` on, lanes are pairs of a drift from the onset and what has come to stay.
+
+    Each suspect has one, an instrument one of its bias and one of its gain.
+    """
     plan = plan_slots(SPEC)
     moves, stays = plan.lanes[plan.ramped : plan.switched : 2], plan.lanes[plan.ramped + 1 : plan.switched : 2]
-    assert sorted(lane.hypothesis for lane in moves) == sorted({lane.hypothesis for lane in plan.lanes})
+    both = {(lane.hypothesis, lane.scales) for lane in plan.lanes}
+    assert sorted((lane.hypothesis, lane.scales) for lane in moves) == sorted(both)
     for one, two in zip(moves, stays, strict=True):
         assert (one.kind, two.kind, one.old) == (FaultKind.DRIFT, FaultKind.RAMP, False)
         assert replace(two, kind=FaultKind.DRIFT) == one
@@ -171,7 +183,7 @@ def test_roles_of_each_kind_of_fault_of_an_input(zero: float) -> None:
         acts = recorded * (obeys[k] + gain[k] * size) + added[k] * size
         if lane.input < 0 or not lane.acts:
             assert acts == recorded
-        elif lane.kind is FaultKind.GAIN:
+        elif lane.kind is FaultKind.GAIN or is_gain_on_its_way(lane):
             assert acts - zero == pytest.approx(1.5 * (recorded - zero), rel=1e-12)
         else:
             assert acts == (0.0 if lane.sticks else recorded) + size
@@ -194,7 +206,11 @@ def test_roles_of_each_kind_of_fault_of_a_sensor() -> None:
     numbers = {name: role(SPEC, plan, name) for name in ("reads", "gain", "bias", "noise")}
     for output, item in enumerate(SPEC.outputs):
         for kind, (reads, gain, bias, noises) in SENSOR_ROLES.items():
-            own = [k for k, lane in enumerate(plan.lanes) if lane.output == output and lane.kind is kind]
+            of_kind = [k for k, lane in enumerate(plan.lanes) if lane.output == output and lane.kind is kind]
+            moving = [k for k in of_kind if is_gain_on_its_way(plan.lanes[k])]
+            assert numbers["gain"][output, moving] == pytest.approx(1.0)
+            assert numbers["bias"][output, moving] == pytest.approx(0.0)
+            own = [k for k in of_kind if k not in moving]
             assert numbers["reads"][output, own] == pytest.approx(reads)
             assert numbers["gain"][output, own] == pytest.approx(gain)
             assert numbers["bias"][output, own] == pytest.approx(bias * item.noise)

@@ -24,7 +24,7 @@ WIDE, SLOTS, STEPS = SPEC.slotted, plan_slots(SPEC), plan_lanes(SPEC)
 FIRST = SPEC.parameter_slice.start
 SIZE = WIDE.slot_slice.start
 SETTINGS = SPEC.thresholds
-STEP, RAMP = KINDS.index(FaultKind.STEP), KINDS.index(FaultKind.RAMP)
+STEP, RAMP, BIAS, GAIN = map(KINDS.index, (FaultKind.STEP, FaultKind.RAMP, FaultKind.BIAS, FaultKind.GAIN))
 WIDER = sqrt(1.0 / share_of(400))  # standard deviations, in those of the filter: 400 samples after the alarm
 
 
@@ -44,6 +44,12 @@ def lanes_of(grown: FloatArray) -> list[tuple[int, int, float]]:
     return found + [(item.hypothesis, KINDS.index(item.kind), item.weight) for item in SLOTS.lanes]
 
 
+def gains(n: int) -> list[bool]:
+    """Tell of n lanes which look for a wrong gain."""
+    own = [item.scales for item in SLOTS.lanes]
+    return [False] * (n - len(own)) + own
+
+
 def mixed(seed: int, state: Diagnosed, level: float = 0.0, spread: float = 8.0) -> FloatArray:
     """Write likelihoods of all lanes, some no numbers; give their sums, weighted, by hypothesis and kind.
 
@@ -55,15 +61,15 @@ def mixed(seed: int, state: Diagnosed, level: float = 0.0, spread: float = 8.0) 
     values[generator.random(len(values)) < 0.05] = inf
     state["bank.grown"] = np.where(np.arange(len(RESERVE)) < 5, (3 * np.arange(len(RESERVE))) % len(RESERVE), -1)
     state.likelihoods(values)
-    total, changes = np.zeros((SPEC.n_hypotheses, len(KINDS))), np.full(SPEC.n_hypotheses, -inf)
+    total, changes = np.zeros((SPEC.n_hypotheses, len(KINDS))), np.full((SPEC.n_hypotheses, len(KINDS)), -inf)
     finite = np.where(np.isfinite(values), values, -inf)
     for value, (hypothesis, kind, weight) in zip(finite, lanes_of(state["bank.grown"]), strict=True):
-        if kind in (STEP, KINDS.index(FaultKind.BIAS)) and weight > -inf:
-            changes[hypothesis] = max(changes[hypothesis], value)
-    share = share_of(int(state["clock.index"][0] - state["clock.alarm"][0]))
-    for value, (hypothesis, kind, weight) in zip(values, lanes_of(state["bank.grown"]), strict=True):
-        simpler = STEP if hypothesis < len(SPEC.hypotheses) else KINDS.index(FaultKind.BIAS)
-        told = simpler if kind == RAMP and not value >= changes[hypothesis] + 2.0 else kind
+        if weight > -inf:
+            changes[hypothesis, kind] = max(changes[hypothesis, kind], value)
+    share, scaled = share_of(int(state["clock.index"][0] - state["clock.alarm"][0])), gains(len(values))
+    for value, (hypothesis, kind, weight), scales in zip(values, lanes_of(state["bank.grown"]), scaled, strict=True):
+        simpler = STEP if hypothesis < len(SPEC.hypotheses) else GAIN if scales else BIAS
+        told = simpler if kind == RAMP and not value >= changes[hypothesis, simpler] + 2.0 else kind
         total[hypothesis, told] += np.exp((value - level) * share + weight) if np.isfinite(value) else 0.0
     return total
 

@@ -125,7 +125,7 @@ def test_an_instrument_is_corrected(state: Diagnosed, item: SlotLane, rate: floa
     if item.input >= 0 and item.sticks:
         after["input_gain"][item.input] = 0.0
         after["input_offset"][item.input] = after["inputs.held"][item.input] = 0.3
-    elif item.kind is FaultKind.GAIN and item.input >= 0:
+    elif item.scales and item.input >= 0:
         zero = SPEC.inputs[item.input].unit_offset
         after["input_gain"][item.input] *= 1.3
         after["input_offset"][item.input] += 0.3 * (after["input_offset"][item.input] - zero)
@@ -133,11 +133,15 @@ def test_an_instrument_is_corrected(state: Diagnosed, item: SlotLane, rate: floa
     elif item.input >= 0 and item.acts:
         after["input_offset"][item.input] += 0.3
         after["inputs.held"][item.input] += 0.3
-    elif item.acts and (item.kind in (FaultKind.BIAS, FaultKind.RAMP) or (item.kind is FaultKind.DRIFT and rate < 1.0)):
-        after["offset"][j] += after["gain"][j] * 0.3 * SPEC.outputs[j].noise
-    elif item.acts and item.kind is FaultKind.GAIN:
+    elif item.scales and (item.kind is not FaultKind.DRIFT or rate < 1.0):
         after["offset"][j] -= after["gain"][j] * 0.3 * SPEC.outputs[j].unit_offset
         after["gain"][j] *= 1.3
+    elif (
+        item.acts
+        and not item.scales
+        and (item.kind in (FaultKind.BIAS, FaultKind.RAMP) or (item.kind is FaultKind.DRIFT and rate < 1.0))
+    ):
+        after["offset"][j] += after["gain"][j] * 0.3 * SPEC.outputs[j].noise
     elif item.acts and item.kind is FaultKind.NOISE:
         suspect = state.one.view(state.record["candidates"].base)[0]["suspects"][0]
         after["noise"][j], after["sensors.nis"][j] = (suspect["estimate"] / SPEC.outputs[j].noise) ** 2, 1.0

@@ -150,18 +150,20 @@ def test_an_instrument_that_errs_at_times() -> None:
     [
         (FaultKind.BIAS, "bias", 0.0),
         (FaultKind.DRIFT, "bias", 0.0),
+        (FaultKind.DRIFT, "gain", 1.0),
         (FaultKind.STUCK, "stuck", None),
         (FaultKind.GAIN, "gain", 1.0),
     ],
 )
 def test_faults_of_a_sensor(kind: FaultKind, word: str, nominal: float | None) -> None:
-    """A bias, a drift and a value to which a sensor is stuck are in SI, a gain is relative to 1."""
-    chosen = [k for k in lanes_with(kind) if PLAN.lanes[k].output >= 0]
+    """A bias, also one that drifts, and a value to which a sensor is stuck are in SI, a gain is relative to 1."""
+    scales = word == "gain"
+    chosen = [k for k in lanes_with(kind) if PLAN.lanes[k].output >= 0 and PLAN.lanes[k].scales == scales]
     assert {PLAN.lanes[k].output for k in chosen} == {0, 1}
     for lane in chosen:
         output = SPEC.outputs[PLAN.lanes[lane].output]
         suspect, present = found(lane)
-        unit, offset = (1.0, 1.0) if kind is FaultKind.GAIN else (output.noise, 0.0)
+        unit, offset = (1.0, 1.0) if scales else (output.noise, 0.0)
         full = unpack(WIDE, SLOTS[WIDE.covariance_slice, lane])
         assert present
         assert (suspect.parameter, suspect.component, suspect.nominal) == (

@@ -274,8 +274,8 @@ def test_samples_out_of_order_are_refused(numbers: dict[str, int]) -> None:
         (IDLE, None, {"job.settled": -1}),
         *((STEPS, None, {"job.stage": stage}) for stage in (4, 5)),
         (STEPS, 7, {"job.lane": 12}),  # a lane with a slot
-        (SLOTS, 0, {"job.lane": 54}),  # one of a pair that comes and goes
-        *((RAMPS, 0, {"job.lane": lane}) for lane in (41, 43, 54)),  # one that begins alone, comes to stay, or goes
+        (SLOTS, 0, {"job.lane": 62}),  # one of a pair that comes and goes
+        *((RAMPS, 0, {"job.lane": lane}) for lane in (41, 43, 62)),  # one that begins alone, comes to stay, or goes
         (PAIRS, None, {"job.pass": 1}),
         *((STEPS, None, {"job.search.n": n}) for n in (0, 2)),
         (STEPS, None, {"job.search.standing": 0}),
@@ -288,7 +288,7 @@ def test_samples_out_of_order_are_refused(numbers: dict[str, int]) -> None:
         (STEPS, None, {"job.n_wanted": 11}),
         (STEPS, None, {"job.n_wanted": 13}),
         (IDLE, 3, {"job.walk.samples": 5}),
-        *((SLOTS, 1, {"job.walk.steps": steps}) for steps in (6, 0)),  # more than its samples, or none for these
+        *((SLOTS - 2, 6, {"job.walk.steps": steps}) for steps in (6, 0)),  # more than its samples, or none for these
     ],
 )
 def test_work_that_contradicts_itself_is_refused(row: int, which: int | None, numbers: dict[str, int]) -> None:

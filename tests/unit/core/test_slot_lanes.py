@@ -10,7 +10,7 @@ import pytest
 from bare_core import IN_CPP, OFFERED, aligned, at, compiled, in_c
 from faultbond.arrays import FloatArray
 from faultbond.contract.core_settings import core_settings
-from faultbond.contract.slots import plan_slots
+from faultbond.contract.slots import SlotLane, plan_slots
 from faultbond.contract.spec import covariance_place, pack, unpack
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
@@ -114,6 +114,7 @@ void t_begin_at(int64_t onset, const double *peak, double *to)
             for (int64_t i = 0; i < WIDE_NUMBERS; i++) to[i * RAMPED + first + l] = state.job.run[i][l];
     }
 }
+void t_choose(int64_t *drift, int64_t *begins) { choose_ramps(&state.bank, drift, begins); }
 void t_hand_on(int64_t number, double time) { hand_on(&state.bank, SWITCHED, 1, number, time, &work.bank.slots); }
 void t_advance(int64_t since, const double *packed, double *innovations, int64_t stride)
 {
@@ -218,10 +219,10 @@ def begun(k: int, place: int, n_seen: int, of: tuple[FloatArray, FloatArray], ol
     """Lane k of the plan (n_numbers,), begun from the healthy lane at a place, by matrices."""
     (samples, lanes), item, own = of, PLAN.lanes[k], SPEC.parameter_slice
     z, full = lanes[place, : SPEC.n_joint].copy(), unpack(SPEC, lanes[place, SPEC.covariance_slice])
-    is_gain, unit = item.kind is FaultKind.GAIN, 1.0
+    unit = 1.0
     if item.parameter == 0:
         unit = z[own][item.parameter]
-    elif item.input >= 0 and not is_gain:
+    elif item.input >= 0 and not item.scales:
         unit = [6.0, 1.0][item.input]
     if item.old and old is not None:
         full[own, own] += np.outer(z[own] - old[own], z[own] - old[own])
@@ -236,19 +237,30 @@ def begun(k: int, place: int, n_seen: int, of: tuple[FloatArray, FloatArray], ol
         role["theta"][item.parameter] = item.acts
     if item.input >= 0:
         role["input"][item.input], role["obeys"][item.input] = item.acts, not item.sticks
-        if is_gain:
+        if item.scales:
             role["input"][item.input], role["input_gain"][item.input] = -SPEC.inputs[item.input].unit_offset, 1.0
         lane[SIZE] = samples[n_seen - 1, SPEC.sample_fields["u"]][item.input] if item.sticks else lane[SIZE]
     if item.output >= 0:
         j, noise = item.output, SPEC.outputs[item.output].noise
-        role["noise"][j], role["gain"][j] = item.noise, is_gain
+        role["noise"][j], role["gain"][j] = item.noise, item.scales
         role["reads"][j] = not (item.sticks and item.acts)
-        role["bias"][j] = noise * (item.acts and item.kind not in (FaultKind.GAIN, FaultKind.NOISE))
+        role["bias"][j] = noise * (item.acts and not item.scales and item.kind is not FaultKind.NOISE)
         role["bias"][j] -= SPEC.outputs[j].unit_offset * role["gain"][j]
         seen = [row[SPEC.sample_fields["y"]][j] for row in samples[:n_seen] if row[SPEC.sample_fields["use"]][j]]
         lane[SIZE] = ([0.0, *seen][-1] / noise) if item.sticks else lane[SIZE]
     lane[WIDE.covariance_slice] = pack(wide)
     return lane
+
+
+def is_of_same(one: SlotLane, two: SlotLane) -> bool:
+    """Whether both look for a fault of the same suspect, of an instrument both for one of its gain, or none."""
+    return (one.hypothesis, one.scales) == (two.hypothesis, two.scales)
+
+
+def likeliest_beside(drift: int, likelihoods: FloatArray) -> int:
+    """The likeliest lane that looks for the same as a pair and does not stick; log-likelihoods (n_lanes,)."""
+    own = [k for k, item in enumerate(PLAN.lanes[:SWITCHED]) if is_of_same(item, PLAN.lanes[drift]) and not item.sticks]
+    return max(own, key=lambda k: float(likelihoods[k]))
 
 
 def mixture(likelihoods: FloatArray) -> FloatArray:
@@ -437,7 +449,8 @@ def test_what_may_be_in_a_couple_begins_again(core: Core, likelier: bool) -> Non
     """Of drifts, and biases and gains of inputs, the least likely lane becomes one that begins with what was found.
 
     That is size and rate of the likeliest. Of all other kinds the likeliest begins as at first. Either is kept if it is
-    likelier. Pairs of what moves and what has come to stay begin as they did first, where they are then likelier.
+    likelier. Pairs of what moves and what has come to stay begin as they did first, where they are then likelier; as
+    many as stand side by side.
     """
     of, old = trail(30), plain_lane(99)
     lanes = np.array([begun(k, 20, 3, of, None) for k in range(N)]).T
@@ -450,7 +463,8 @@ def test_what_may_be_in_a_couple_begins_again(core: Core, likelier: bool) -> Non
     wanted, found = lanes.copy(), core.lanes()
     every = np.array([ramps(core, onset, of, old) for onset in range(1, 30)])
     anew = [k for k in range(RAMPED, SWITCHED, 2) if not np.array_equal(found[:, k + 1], lanes[:, k + 1])]
-    assert anew == (list(range(RAMPED, SWITCHED, 2)) if likelier else [])
+    every_pair = list(range(RAMPED, SWITCHED, 2))
+    assert len(anew) == (GROUP if likelier else 0) < len(every_pair)
     for k in anew:
         pair, onsets = slice(k, k + 2), core.onsets[k : k + 2] - (len(core.rows) - 3)
         at_onset = every[onsets[0] - 1, :, k - RAMPED : k - RAMPED + 2]
@@ -460,10 +474,10 @@ def test_what_may_be_in_a_couple_begins_again(core: Core, likelier: bool) -> Non
         both = np.logaddexp(*every[:, -1, k - RAMPED : k - RAMPED + 2].T)
         assert np.logaddexp(*found[-1, pair]) <= mixture(both) + 1.0
         wanted[:, pair] = found[:, pair]
-    groups: dict[tuple[int, FaultKind], list[int]] = {}
+    groups: dict[tuple[int, FaultKind, bool], list[int]] = {}
     for k, item in enumerate(PLAN.lanes[:SWITCHED]):
         if item.kind not in (FaultKind.NOISE, FaultKind.RAMP):
-            groups.setdefault((item.hypothesis, item.kind), []).append(k)
+            groups.setdefault((item.hypothesis, item.kind, item.scales), []).append(k)
     first = [dense(core, onset, of, old) for onset in range(1, 30)]
     for group in groups.values():
         likelihood = np.nan_to_num(lanes[-1, group], nan=-np.inf)
@@ -494,13 +508,29 @@ def test_what_may_be_in_a_couple_begins_again(core: Core, likelier: bool) -> Non
     assert {worst in anew for worst in worst_of} == {False, likelier}
 
 
+def test_pairs_beside_the_likeliest_lanes_begin_again(core: Core) -> None:
+    """Of an instrument those of its bias and of its gain each by what was found of that; each from where that began."""
+    lanes = np.array([begun(k, 5, 3, trail(24), None) for k in range(N)]).T
+    lanes[-1] = np.random.default_rng(7).normal(-20.0, 3.0, N)
+    core.put(trail(24), None, lanes)
+    core.onsets[:] = 10 + np.arange(N)
+    chosen, begins = np.zeros((2, GROUP), dtype=np.int64)
+    core.library.t_choose(at(chosen), at(begins))
+    instruments = [k for k in range(RAMPED, SWITCHED, 2) if PLAN.lanes[k].parameter < 0]
+    order = sorted(instruments, key=lambda k: -lanes[-1, likeliest_beside(k, lanes[-1])])
+    own = [place for place in range(GROUP) if chosen[place] in instruments]
+    assert 0 < len(own) < len(instruments)
+    assert [chosen[place] for place in own] == order[: len(own)]
+    assert [begins[place] for place in own] == [10 + likeliest_beside(int(chosen[place]), lanes[-1]) for place in own]
+
+
 def test_the_likeliest_drift_hands_on_what_it_knows(core: Core) -> None:
     """What has come to stay becomes the mixture of what it was and of the likeliest drift of its suspect, that ends."""
     of, generator = trail(24), np.random.default_rng(7)
     lanes = np.array([begun(k, k % 20, 3, of, None) for k in range(N)]).T
     lanes[SIZE], lanes[RATE] = generator.normal(0.0, [[0.3], [0.01]], (2, N))
     lanes[RATE, RAMPED + 1 : SWITCHED : 2] = 0.0
-    lanes[-1] = generator.normal(-20.0, 3.0, N)
+    lanes[-1] = generator.normal(-20.0, 6.0, N)
     lanes[-1, RAMPED] = np.nan  # a drift that is no number hands on nothing
     core.put(of, None, lanes)
     core.onsets[:] = 10 + np.arange(N)
@@ -510,7 +540,7 @@ def test_the_likeliest_drift_hands_on_what_it_knows(core: Core) -> None:
         drifts = [
             k
             for k, item in enumerate(PLAN.lanes[:SWITCHED])
-            if item.kind is FaultKind.DRIFT and item.hypothesis == PLAN.lanes[stay].hypothesis
+            if item.kind is FaultKind.DRIFT and is_of_same(item, PLAN.lanes[stay])
         ]
         best = max(drifts, key=lambda k: np.nan_to_num(lanes[-1, k], nan=-np.inf) + PLAN.weight[k])
         extra = PLAN.weight[best] - PLAN.weight[stay]

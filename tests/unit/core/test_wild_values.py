@@ -32,7 +32,7 @@ int64_t t_advance(State *state, const double *packed)
 }
 int64_t t_without_spike(State *state, double *packed)
 {
-    return without_spike(&state->normal, state->healthy.lane, earlier, packed, &memory, &filters.plain);
+    return without_spike(state, earlier, packed, &memory, &filters);
 }
 int64_t t_is_surprising(State *state, const double *packed, const double *off)
 {

@@ -23,6 +23,7 @@ from faultbond.fit.session import build_fit, free_parameters
 from faultbond.fit.stray import INSIDE, strayed_by
 from faultbond.io.recording import write_recording
 from faultbond.model.text import load_model, parse_model
+from faultbond.simulate import Inputs, random_steps, simulate
 from faultbond.synthesis.engine import build_model
 
 MODEL = """# a winding
@@ -204,3 +205,47 @@ def test_each_is_asked_once(monkeypatch: pytest.MonkeyPatch) -> None:
     for _ in range(2):
         assert _next(search, cast(Footing, None), asked) is None
     assert calls == ["cured", "centred", "better", "centred", "better"]
+
+
+BLOCKS = """
+name: two blocks
+sample_time: 10 s
+accuracy: 3 %
+inputs: {P: {unit: W}, T: {unit: degC}}
+components:
+  heater: {type: Sf, law: f = a*P, parameters: {a: 1}}
+  one: {type: C, law: q = C1*e, parameters: {C1: 5 kJ/K}}
+  gap: {type: R, law: f = K1*e, parameters: {K1: GAP W/K}}
+  two: {type: C, law: q = C2*e, parameters: {C2: 8 kJ/K}}
+  skin: {type: R, law: f = K2*e, parameters: {K2: 6 W/K}}
+  ambient: {type: Se, law: e = T}
+junctions: {first: 0, through: 1, second: 0, out: 1}
+bonds: [heater -> first -> one, first -> through -> gap, through -> second -> two, second -> out -> skin,
+  out -> ambient]
+sensors: {T1: {reads: first.e, unit: degC, noise: 0.05 K}, T2: {reads: second.e, unit: degC, noise: 0.05 K}}
+"""
+
+
+def test_a_scale_that_all_others_have_in_common_takes_no_part(tmp_path: Path) -> None:
+    """Temperatures show no watts: all five could be larger together. One that is off leaves the others as they are.
+
+    But for the heater, of which what flows through the gap is hardly told apart.
+    """
+    model, healthy, new, target = (tmp_path / name for name in ("model.yaml", "h.csv", "new.yaml", "fit.jsonl"))
+    plant, n = parse_model(BLOCKS.replace("GAP", "7")), 1500
+    time = np.linspace(0.0, 10.0 * (n - 1), n)
+    power = random_steps(time, np.random.default_rng(3), low=0, high=300, shortest=200.0, longest=1500.0)
+    inputs = Inputs(time=time, values=np.column_stack([power, 290.0 + np.sin(time / 4000.0)]))
+    made = simulate(plant, inputs, seed=2, start={"one.q": 1450e3, "two.q": 2320e3})
+    columns = {"time": time, "P": power, "T": inputs.values[:, 1] - 273.15}
+    write_recording(healthy, columns | {f"T{k + 1}": made.outputs[:, k] - 273.15 for k in range(2)})
+    model.write_text(BLOCKS.replace("GAP", "10"), encoding="utf-8")
+    assert main(["fit", str(model), str(healthy), "-o", str(new), "--starts", "1", "--json", str(target)]) == DONE
+    told = json.loads(target.read_text(encoding="utf-8"))
+    assert [item["parameter"] for item in told["strayed"]] == ["K1"]
+    assert told["strayed"][0]["goes_with"] == ["a"]
+    graph = load_model(new)
+    a, gap = (graph.parameter(name).nominal for name in ("a", "K1"))
+    assert gap / a == pytest.approx(7.0, rel=0.03)
+    for name in ("C1", "C2", "K2"):
+        assert graph.parameter(name).healthy_change < 0.02 * graph.parameter(name).nominal

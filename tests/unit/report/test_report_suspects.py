@@ -58,6 +58,11 @@ def test_a_sensor_that_drifts() -> None:
     assert "this shrinks by" in said(replace(bias, rate=-1.0), FaultKind.DRIFT)
     assert "too low now, and this grows by" in said(replace(bias, estimate=-500.0, rate=-1.0), FaultKind.DRIFT)
     assert said(replace(bias, rate_sd=0.9), FaultKind.DRIFT).endswith("drifts at a rate that is not known yet")
+    gain = replace(wrong("u_in.gain", 1.0, 0.8, 0.01), rate=-1e-4, rate_sd=1e-6)
+    assert said(gain, FaultKind.DRIFT).endswith(
+        "0.800 times what is recorded now, and this falls by 0.360 per hour (drift)"
+    )
+    assert said(replace(gain, rate=1e-4), FaultKind.DRIFT).endswith("and this rises by 0.360 per hour (drift)")
 
 
 def test_a_fault_that_comes_and_goes() -> None:
@@ -77,6 +82,11 @@ def test_a_ramp_that_has_ended() -> None:
     pipe, valve = suspect(GRAPH, "K2", 1.5, 0.02), wrong("u_in.bias", 0.0, -4.5, 0.4)
     assert said(replace(pipe, began=1502.2, ended=1560.4), FaultKind.RAMP) == (
         "K2 rose from 5.08e11 to 7.62e11 Pa*s^2/m^6 (+50 %) in 58 s up to 1560 s, and has stayed there since"
+    )
+    gain = replace(wrong("flow.gain", 1.0, 1.1, 0.005), began=1502.2, ended=1560.4)
+    assert said(gain, FaultKind.RAMP) == (
+        "it reads 1.100 times the right value (gain, +10.0 %); it came to that in 58 s up to 1560 s, and has stayed "
+        "there since"
     )
     assert said(replace(valve, began=1502.2, ended=1560.4), FaultKind.RAMP) == (
         "it acts 4.5 percent below what is recorded (bias); it came to that in 58 s up to 1560 s, and has stayed there "

@@ -58,6 +58,18 @@ def _amplified(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
     y[:, 0] *= 1.2
 
 
+def _amplified_in_time(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    y[:, 0] *= 1.0 + 0.2 * np.minimum(since / SHORT, 1.0)
+
+
+def _damped_in_time(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    u[:, 0] /= 1.0 + 0.25 * np.minimum(since / SHORT, 1.0)
+
+
+def _damped_more_and_more(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
+    u[:, 0] /= 1.0 + 0.05 * since
+
+
 def _stuck(y: FloatArray, u: FloatArray, since: FloatArray) -> None:
     y[:, 1] = 2.5
 
@@ -151,6 +163,11 @@ CASES = {
         faults=(Fault(parameter="R", factor=2.0, start=START, end=START + SHORT),),
     ),
     "sensor ramp": Case(kind=FaultKind.RAMP, component="i", value=15.0 * NOISE["i"], changed=_drifted),
+    "gain ramp": Case(kind=FaultKind.RAMP, component="omega", value=1.2, changed=_amplified_in_time),
+    "input gain ramp": Case(kind=FaultKind.RAMP, component="V", value=1.25, changed=_damped_in_time),
+    "input gain drift": Case(
+        kind=FaultKind.DRIFT, component="V", value=1.0 + 0.05 * (END - START), rate=0.05, changed=_damped_more_and_more
+    ),
     "input drift": Case(
         kind=FaultKind.DRIFT, component="V", value=0.3 * (END - START), rate=0.3, changed=_less_and_less_told
     ),
@@ -213,7 +230,7 @@ def test_the_kind_and_its_value_are_found(name: str) -> None:
         assert suspect.rate_sd < 0.2 * case.rate
 
 
-@pytest.mark.parametrize("name", ["ramp", "sensor ramp"])
+@pytest.mark.parametrize("name", ["ramp", "sensor ramp", "gain ramp", "input gain ramp"])
 def test_a_ramp_is_told_with_its_times(name: str) -> None:
     """It is said when it began and when it ended, to a quarter of what it took; of other kinds there is nothing."""
     suspect = best(name).suspects[0]
@@ -260,6 +277,16 @@ def test_what_errs_at_times_and_does_so_now() -> None:
     assert accepted("bias now").numbers("normal.noise").tolist() == [np.inf, 1.0]
     offset = accepted("input now").numbers("normal.input_offset")
     assert offset == pytest.approx(best("input now").suspects[0].estimate)
+
+
+def test_a_gain_that_has_come_to_stay_is_accepted_as_a_gain() -> None:
+    """Readings are divided by it, and what acts is the record times it; nothing is added to either."""
+    sensor, commanded = accepted("gain ramp"), accepted("input gain ramp")
+    assert sensor.numbers("normal.gain")[0] == pytest.approx(best("gain ramp").suspects[0].estimate)
+    assert sensor.numbers("normal.offset").tolist() == [0.0, 0.0]
+    assert sensor.numbers("normal.noise").tolist() == [1.0, 1.0]
+    assert commanded.numbers("normal.input_gain") == pytest.approx(best("input gain ramp").suspects[0].estimate)
+    assert commanded.numbers("normal.input_offset").tolist() == [0.0]
 
 
 def test_noise_is_accepted_as_it_was_told() -> None:
