@@ -38,7 +38,6 @@ INPUT_KINDS = {  # and of each of them
     FaultKind.STUCK: 0.3,
     FaultKind.INTERMITTENT: 0.2,
 }
-INPUT_GAIN_DRIFT, SENSOR_GAIN_DRIFT = 0.3, 0.0015  # the same of a gain that drifts: half of one that is wrong at once
 SENSOR_KINDS = {  # prior weights of the faults of a sensor; a wrong gain is rare, and hard to tell from the plant
     FaultKind.BIAS: 0.577,
     FaultKind.DRIFT: 0.12,
@@ -202,7 +201,7 @@ def _sensor_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
     counts = Counter(item.kind for item in found)
     for item in found:
         yield replace(item, weight=log(SENSOR_KINDS[item.kind] / counts[item.kind]))
-    yield replace(gain, kind=FaultKind.DRIFT, rate_sd=GAIN / FRESH, weight=log(SENSOR_GAIN_DRIFT))
+    yield replace(gain, kind=FaultKind.DRIFT, rate_sd=GAIN / FRESH, weight=DRIFTING + log(SENSOR_KINDS[FaultKind.GAIN]))
 
 
 def _input_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
@@ -221,7 +220,8 @@ def _input_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
     counts = Counter(item.kind for item in found)
     for item in found:
         yield replace(item, weight=COMMANDED + log(INPUT_KINDS[item.kind] / counts[item.kind]))
-    yield replace(gain, kind=FaultKind.DRIFT, rate_sd=GAIN / FRESH, weight=COMMANDED + log(INPUT_GAIN_DRIFT))
+    drifting = DRIFTING + log(INPUT_KINDS[FaultKind.GAIN])
+    yield replace(gain, kind=FaultKind.DRIFT, rate_sd=GAIN / FRESH, weight=COMMANDED + drifting)
 
 
 def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:

@@ -24,9 +24,10 @@ static inline int64_t drift_of(int64_t pair) { return RAMPED + 2 * pair; }
 static inline int64_t stay_of(int64_t pair) { return RAMPED + 2 * pair + 1; }
 
 /* Probability that a ramp ends after so many samples. What is not known to move cannot come to its end: that would be a
-   step. */
-static double ends_now(int64_t age, double rate, double variance)
+   step. Nor can what moves back, since it has not come to its size so. */
+static double ends_now(int64_t age, double size, double rate, double variance)
 {
+    if (!(size * rate > 0.0)) return 1e-300;
     const double sure = rate * rate / (rate * rate + MOVING_SDS * MOVING_SDS * variance);
     return sure > 0.0 ? sure * ENDING / ((double)(age > 0 ? age : 0) + ENDS_EARLY) : 1e-300;
 }
@@ -43,7 +44,7 @@ static void end_ramps(const int64_t *age, const double *extra, double time, Slot
     store(rates, memory->there[rate]);
     store(variances, memory->there[WIDE_PLACE(rate, rate)]);
     for (int l = 0; l < FB_LANES; l++) {
-        const double ends = ends_now(age[l], rates[l], variances[l]), took = sizes[l] / rates[l];
+        const double ends = ends_now(age[l], sizes[l], rates[l], variances[l]), took = sizes[l] / rates[l];
         by.there_stays[l] = log1p(-ends);
         by.there_comes[l] = -INFINITY;
         by.gone_stays[l] = 0.0;
@@ -225,7 +226,7 @@ static void hand_on(Bank *bank, int64_t n_begun, int together, int64_t number, d
     for (int64_t lane = together ? 0 : RAMPED; lane < SWITCHED && lane < n_begun; lane++)
         if (SLOT_KIND[lane] == KIND_DRIFT)
             *number_of_slot(bank, lane, WIDE_LIKELIHOOD) += log1p(-ends_now(
-                number - onset[lane], of_slot(bank, lane, rate), of_slot(bank, lane, WIDE_PLACE(rate, rate))));
+                number - onset[lane], of_slot(bank, lane, AT_SLOT), of_slot(bank, lane, rate), of_slot(bank, lane, WIDE_PLACE(rate, rate))));
 }
 
 #endif

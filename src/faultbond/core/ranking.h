@@ -56,20 +56,6 @@ static inline double coarse(const Ranking *ranking, double likelihood, int64_t r
     return known > LOWEST ? (known - ranking->most) * (rests ? 1.0 : ranking->share) : LOWEST;
 }
 
-/* The log-likelihood of the likeliest lane. */
-static double most_likely(const Bank *bank)
-{
-    double most = LOWEST;
-    for (int64_t lane = 0; lane < N_STEPS; lane++) {
-        const int empty = lane >= N_PLANNED && bank->grown[(lane - N_PLANNED) / PER_SET] < 0;
-        most = larger(most, empty ? LOWEST : finite_or_lowest(of_step(bank, lane, PLAIN_LIKELIHOOD)));
-    }
-    for (int64_t lane = 0; lane < N_WIDE; lane++)
-        if (lane < N_SLOT_LANES || bank->base[lane - N_SLOT_LANES] >= 0)
-            most = larger(most, finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD)));
-    return most;
-}
-
 /* The likelihood of each lane of couples with its prior weight: slots have their own, and lanes of a couple weigh the same. */
 static void weigh_couples(const Bank *bank, int out, const Ranking *ranking, double *weighted)
 {
@@ -113,7 +99,8 @@ static void weigh_lanes(const Bank *bank, int out, Ranking *ranking)
 static void score_all(const State *state, int out, Ranking *ranking)
 {
     const Bank *bank = &state->bank;
-    ranking->most = most_likely(bank);
+    const int64_t leader = leader_of(bank);
+    ranking->most = leader < 0 ? LOWEST : likelihood_in(bank, leader);
     ranking->within = -INFINITY;
     ranking->share = share_of_evidence(state);
     weigh_lanes(bank, out, ranking);

@@ -12,15 +12,35 @@ FB_SELDOM
 
 #define TO_REST 100.0 /* nats by which all lanes of a group are less likely than the leading one */
 
+/* Log-likelihood of a lane of the bank, of steps, then with a slot, then of couples; LOWEST where none has begun there, or it is
+   no number. */
+static double likelihood_in(const Bank *bank, int64_t lane)
+{
+    const int64_t slot = lane - N_STEPS, couple = slot - N_SLOT_LANES, grown = lane - N_PLANNED;
+    if (slot < 0) return grown >= 0 && bank->grown[grown / PER_SET] < 0 ? LOWEST : finite_or_lowest(of_step(bank, lane, PLAIN_LIKELIHOOD));
+    return couple >= 0 && bank->base[couple] < 0 ? LOWEST : finite_or_lowest(of_slot(bank, slot, WIDE_LIKELIHOOD));
+}
+
+/* The likeliest lane of the bank; -1: none has a likelihood. */
+static int64_t leader_of(const Bank *bank)
+{
+    double most = LOWEST;
+    int64_t leader = -1;
+    for (int64_t lane = 0; lane < N_LANES; lane++) {
+        const double likelihood = likelihood_in(bank, lane);
+        if (!(likelihood > most)) continue;
+        most = likelihood;
+        leader = lane;
+    }
+    return leader;
+}
+
 /* Log-likelihood of the likeliest of some lanes with a slot; `leading`: without those whose sensor sticks. */
 static double most_of_slots(const Bank *bank, int64_t first, int64_t end, int leading)
 {
     double most = LOWEST;
-    for (int64_t lane = first; lane < end; lane++) {
-        if (lane >= N_SLOT_LANES && bank->base[lane - N_SLOT_LANES] < 0) continue;
-        if (leading && SLOT_STICKS[plan_of(bank, lane)]) continue;
-        most = fmax(most, finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD)));
-    }
+    for (int64_t lane = first; lane < end; lane++)
+        if (!leading || !SLOT_STICKS[plan_of(bank, lane)]) most = fmax(most, likelihood_in(bank, N_STEPS + lane));
     return most;
 }
 
@@ -33,8 +53,7 @@ static double most_of_group(Bank *bank, int64_t group, int leading)
     const int64_t all = slots < 0 ? N_STEPS : couples < 0 ? SWITCHED : N_COUPLE_LANES;
     const int64_t end = first + GROUP < all ? first + GROUP : all, before = couples < 0 ? 0 : N_SLOT_LANES;
     if (slots >= 0) return most_of_slots(bank, before + first, before + end, leading);
-    for (int64_t lane = first; lane < end; lane++)
-        if (lane < N_PLANNED || bank->grown[(lane - N_PLANNED) / PER_SET] >= 0) most = fmax(most, likelihood_of(bank, lane));
+    for (int64_t lane = first; lane < end; lane++) most = fmax(most, likelihood_in(bank, lane));
     return most;
 }
 

@@ -11,23 +11,6 @@
 
 FB_SELDOM
 
-/* The likeliest lane of the bank: of steps, then of those with a slot, then of couples; -1: none has a likelihood. */
-static int64_t leader_of(const Bank *bank)
-{
-    double most = LOWEST;
-    int64_t leader = -1;
-    for (int64_t lane = 0; lane < N_STEPS + N_SLOT_LANES + N_COUPLE_LANES; lane++) {
-        const int64_t slot = lane - N_STEPS, couple = slot - N_SLOT_LANES;
-        if (slot < 0 && lane >= N_PLANNED && bank->grown[(lane - N_PLANNED) / PER_SET] < 0) continue;
-        if (couple >= 0 && bank->base[couple] < 0) continue;
-        const double own = finite_or_lowest(slot < 0 ? of_step(bank, lane, PLAIN_LIKELIHOOD) : of_slot(bank, slot, WIDE_LIKELIHOOD));
-        if (!(own > most)) continue;
-        most = own;
-        leader = lane;
-    }
-    return leader;
-}
-
 /* Innovations of one lane of the bank at a packed sample, [2 * N_OUTPUTS]. sample, plain: memory. */
 static void innovate(const Bank *bank, int64_t lane, const double *packed, const Normal *normal, double *innovations, double *sample,
                      double *plain, Filters *filters)

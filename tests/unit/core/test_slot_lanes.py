@@ -299,7 +299,9 @@ def interacted(lanes: FloatArray, switching: float = 1.0 / 300.0) -> FloatArray:
 def ended(moves: FloatArray, stays: FloatArray, age: int, time: float, extra: float = 0.0) -> FloatArray:
     """A drift of so many samples and what it comes to, both (n_numbers,), after it may have come to its end."""
     rate, variance = moves[RATE], moves[covariance_place(WIDE, RATE, RATE)]
-    ends = max(rate**2 / (rate**2 + 4.0 * variance) * 0.5 / (age + 10.0), 1e-300)
+    ends = (
+        max(rate**2 / (rate**2 + 4.0 * variance) * 0.5 / (age + 10.0), 1e-300) if moves[SIZE] * rate > 0.0 else 1e-300
+    )
     come = moves[-1] + np.log(ends) + extra
     stay, goes = merged(stays, moves, stays[-1], come), moves.copy()
     kept, took = np.exp(stays[-1] - stay[-1]), moves[SIZE] / rate if moves[SIZE] * rate > 0.0 else 0.0
