@@ -215,12 +215,14 @@ def test_an_actuator_lags_and_may_stick() -> None:
 
 
 def test_it_is_told_what_was_done_to_a_model() -> None:
-    """What was added and raised stands there, and whether that was enough."""
+    """What was added, raised and lowered stands there, and whether that was enough."""
     added = [{"kind": "lag", "of": "P"}, {"kind": "slow error", "of": "q"}]
     raised = [{"what": "noise of L1", "times": 1.5625}]
-    found = {"added": added, "raised": raised, "quiet": True}
-    assert told_of(found) == "fitted; lag of P; slow error of q; noise of L1 times 1.6; quiet"
-    assert told_of({"added": [], "raised": [], "quiet": False}) == "fitted; not quiet on all of them"
+    lowered = [{"what": "slow error of q", "times": 0.394}]
+    found = {"added": added, "raised": raised, "lowered": lowered, "quiet": True}
+    sizes = "noise of L1 times 1.6; slow error of q times 0.39"
+    assert told_of(found) == f"fitted; lag of P; slow error of q; {sizes}; quiet"
+    assert told_of({"added": [], "raised": [], "lowered": [], "quiet": False}) == "fitted; not quiet on all of them"
 
 
 def test_three_plants_are_kept_for_the_report() -> None:

@@ -16,7 +16,7 @@ from faultbond.analysis.smallest import SmallestFault
 from faultbond.app import identification, quiet_fit
 from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
-from faultbond.app.quiet_fit import Attempt, apart_if_quieter, promising, put_on_trial, widened
+from faultbond.app.quiet_fit import Attempt, apart_if_quieter, lowered_if_quiet, promising, put_on_trial, widened
 from faultbond.app.signals import Stopped
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
@@ -37,6 +37,7 @@ from faultbond.fit.imperfections import (
 )
 from faultbond.fit.innovations import Variant
 from faultbond.fit.offset import centred
+from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.quiet_search import WORTH, Search
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.trial import ROOM, enough, on_trial, stays_below, strayed_on
@@ -51,12 +52,13 @@ from faultbond.report.quiet_result import (
     Quieted,
     _added_row,
     amended_text,
+    lowered_text,
     quiet_parts,
     quiet_verdict,
     raised_text,
     widened_text,
 )
-from faultbond.report.verdict import unexplained_sentence
+from faultbond.report.reservations import unexplained_sentence
 from faultbond.runtime.core import Core
 from faultbond.types import Hold
 
@@ -996,6 +998,83 @@ def test_only_the_slow_error_that_is_raised_is_written_anew() -> None:
     before, after = graph.slow_errors, parse_model(again).slow_errors
     assert [y.sd / x.sd for x, y in zip(before, after, strict=True)] == pytest.approx([1.0, 2.0])
     assert [(item.what, item.times) for item in raised] == [("slow error of L.e", 2.0)]
+
+
+def found_of(item: Any, part: float, sd: float) -> NoiseFound:
+    """Give what a fit found of noise or a slow error, in parts of what is declared."""
+    declared = item.sd if isinstance(item, SlowError) else item.noise
+    return NoiseFound(of=item, declared=declared, found=part * declared, sd=sd * declared)
+
+
+def test_a_slow_error_is_declared_no_larger_than_it_may_be() -> None:
+    """Two standard errors above what was found; not where that saves little, nor of one that grows after inputs."""
+    grown = "{size: 0.1 V over 1 s, after: [V], each: 0.2 V/V}"
+    text = f"{MODEL}slow_error: {{source.e: 3 % over 1 s, L.e: 0.5 % over 1 s, R.e: {grown}}}\n"
+    graph = parse_model(text, file="m.yaml")
+    source, coil, after = graph.slow_errors
+    noises = [found_of(source, 0.3, 0.02), found_of(coil, 0.8, 0.06), found_of(after, 0.1, 0.01)]
+    again, (lowered,) = lowered_text(text, graph, [found_of(graph.sensors[0], 0.1, 0.01), *noises])
+    assert lowered.what == "slow error of source.e"
+    assert lowered.times == pytest.approx(0.34)
+    read = parse_model(again)
+    assert [y.sd / x.sd for x, y in zip(graph.slow_errors, read.slow_errors, strict=True)] == pytest.approx(
+        [0.34, 1.0, 1.0], rel=0.01
+    )
+    assert read.sensors == graph.sensors
+    (vague,) = lowered_text(text, graph, [found_of(source, 0.1, 0.05)])[1]
+    assert vague.times == pytest.approx(0.3), "known to a half only, so it may be twice all of that"
+
+
+def test_slow_errors_that_are_declared_too_large_are_made_smaller(model: Path, tmp_path: Path) -> None:
+    """Of 30 % that are declared 3 % are found: so little is written and told, and a smaller fault is found."""
+    model.write_text(f"{MODEL}slow_error: {{source.e: 30 % over 1 s}}\n", encoding="utf-8")
+    recordings = [write(tmp_path / f"{k}.csv", seed=k, wander=0.03, rows=2400) for k in (1, 2, 3)]
+    found = records(tmp_path, model, *recordings, "-o", tmp_path / "quiet.yaml")["quiet"]
+    assert found["quiet"]
+    (lowered,) = found["lowered"]
+    assert lowered["what"] == "slow error of source.e"
+    assert 0.08 < lowered["times"] < 0.16
+    (error,) = load_model(tmp_path / "quiet.yaml").slow_errors
+    assert error.sd == pytest.approx(0.3 * lowered["times"], rel=0.05)
+    assert found["smallest"]["R"] < 0.5 * found["smallest_before"]["R"]
+
+
+def test_a_model_that_would_not_stay_quiet_keeps_its_slow_errors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is on trial with smaller slow errors, and comes near to an alarm, is not taken."""
+    text = f"{MODEL}slow_error: {{source.e: 3 % over 1 s}}\n"
+    graph = parse_model(text, file="m.yaml")
+
+    @dataclass(frozen=True)
+    class Found:
+        graph: BondGraph
+        noises: tuple[NoiseFound, ...]
+        healthy_changes: Any = None
+
+        def with_healthy_changes(self, written: str, _: BondGraph) -> str:
+            return written
+
+    fitted = cast("Fitted", Found(graph, (found_of(graph.slow_errors[0], 0.3, 0.02),)))
+    health = cast("Any", SimpleNamespace(has_room=True, strayed={}))
+    attempt = Attempt(
+        text=text, graph=graph, core=cast("Core", None), records=(), fitted=fitted, health=health, alarms={}
+    )
+    monkeypatch.setattr(quiet_fit, "build_watcher", lambda _: None)
+    monkeypatch.setattr(quiet_fit, "healthy_changes", lambda *_: {"R": 0.1})
+    for has_room in (True, False):
+        trial_of = SimpleNamespace(has_room=has_room, strayed={})
+        monkeypatch.setattr(
+            quiet_fit,
+            "put_on_trial",
+            lambda text, fitted, *_, of=trial_of: replace(attempt, text=text, fitted=fitted, health=of),
+        )
+        lowered = lowered_if_quiet(attempt, lambda _: None)
+        assert (lowered is attempt) is not has_room
+        assert ("source.e: 1.02 %" in lowered.text) is has_room
+        assert [item.what for item in lowered.lowered] == (["slow error of source.e"] if has_room else [])
+        assert (lowered.fitted.healthy_changes == {"R": 0.1}) is has_room
+    nothing, loud = replace(attempt, fitted=cast("Fitted", Found(graph, ()))), replace(attempt, alarms={"a.csv": 1.0})
+    for item in (nothing, loud):
+        assert lowered_if_quiet(item, lambda _: None) is item
 
 
 def test_a_slow_error_has_the_unit_of_its_signal() -> None:

@@ -64,6 +64,6 @@ def prepare(rig: Rig, folder: Path) -> Ready:
 def told_of(found: Mapping[str, Any]) -> str:
     """Say what was done to a model, from the record of the fit."""
     added = [f"{item['kind']} of {item['of']}" for item in found["added"]]
-    raised = [f"{item['what']} times {item['times']:.2g}" for item in found["raised"]]
+    sizes = [f"{item['what']} times {item['times']:.2g}" for item in (*found["raised"], *found["lowered"])]
     state = "quiet" if found["quiet"] else "not quiet on all of them"
-    return "; ".join(["fitted", *added, *raised, state])
+    return "; ".join(["fitted", *added, *sizes, state])

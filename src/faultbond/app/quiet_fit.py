@@ -26,7 +26,7 @@ from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
 from faultbond.model.validity import without_states
 from faultbond.report.fit_result import Fitted, fitted_model
-from faultbond.report.quiet_result import Quieted, Raised, amended_text, raised_text, widened_text
+from faultbond.report.quiet_result import Quieted, Resized, amended_text, lowered_text, raised_text, widened_text
 from faultbond.runtime.core import Core
 from faultbond.synthesis.engine import build_model
 
@@ -44,6 +44,7 @@ class Attempt:
     """A model with what the search has found, fitted to all recordings and put on trial.
 
     widened : how many times as large the accuracies of parameters are declared as the data say, by name
+    lowered : slow errors that are declared smaller than they were
     """
 
     text: str
@@ -54,6 +55,7 @@ class Attempt:
     health: Health
     alarms: dict[str, float]
     widened: dict[str, float] = field(default_factory=dict)
+    lowered: tuple[Resized, ...] = ()
 
     @property
     def quiet(self) -> bool:
@@ -117,19 +119,23 @@ def _steps(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tel
     )
     attempt, now = yield from _searched(search, search.first(found), now, text, graph, read, wishes, tell)
     now = replace(now, left=tuple(item for item in search.asked if item[1] > 0.0))
+    raised: tuple[Resized, ...] = ()
     if not attempt.quiet:
         tell("raising what must be declared larger")
         attempt, raised = _raised(attempt, promise, tell)
         now = _tried(now, attempt, raised)
         yield now
+    attempt = lowered_if_quiet(attempt, tell)
+    now = _tried(now, attempt, raised)
+    yield now
     tell("working out the smallest faults before and after")
     before, after = _smallest([(graph, core), (attempt.graph, attempt.core)], attempt.records)
     yield replace(now, smallest_before=before, smallest_after=after)
 
 
-def _tried(now: Quieted, attempt: Attempt, raised: tuple[Raised, ...] = ()) -> Quieted:
+def _tried(now: Quieted, attempt: Attempt, raised: tuple[Resized, ...] = ()) -> Quieted:
     """Give what is found with a model that was put on trial."""
-    wider = (Raised(what=f"accuracy of {name}", times=x) for name, x in attempt.widened.items())
+    wider = (Resized(what=f"accuracy of {name}", times=x) for name, x in attempt.widened.items())
     return replace(
         now,
         fitted=attempt.fitted,
@@ -137,6 +143,7 @@ def _tried(now: Quieted, attempt: Attempt, raised: tuple[Raised, ...] = ()) -> Q
         health=attempt.health,
         alarms=attempt.alarms,
         raised=(*raised, *wider),
+        lowered=attempt.lowered,
     )
 
 
@@ -196,7 +203,7 @@ def _as_it_stands(search: Search, stand: Footing, now: Quieted, text: str, graph
     first = parse_model(with_added, file=graph.file)
     fitted = fitted_model(first, search.fit_of(first, stand, prior), now.fitted.version)
     written = fitted.model_text(with_added)
-    return replace(now, fitted=fitted, text=written, added=stand.added, raised=(), health=None, alarms={})
+    return replace(now, fitted=fitted, text=written, added=stand.added, raised=(), lowered=(), health=None, alarms={})
 
 
 def _next(search: Search, stand: Footing, asked: set[str]) -> Footing | None:
@@ -250,7 +257,7 @@ def _attempt(
         tell=lambda step: tell(f"{what}: {step}"),
     )
     fitted = fitted_model(first, found, core.spec.version)
-    now = replace(now, fitted=fitted, text=fitted.model_text(with_added), raised=(), health=None, alarms={})
+    now = replace(now, fitted=fitted, text=fitted.model_text(with_added), raised=(), lowered=(), health=None, alarms={})
     yield now
     tell("asking how far parameters seem to move while healthy")
     fitted = replace(fitted, healthy_changes=healthy_changes(core, found.records, fitted.believed))
@@ -258,6 +265,21 @@ def _attempt(
     now = _tried(now, attempt)
     yield now
     return attempt, now
+
+
+def lowered_if_quiet(attempt: Attempt, tell: Tell) -> Attempt:
+    """Declare slow errors as small as the recordings say, where a quiet model stays so: faults hide behind them."""
+    text, lowered = lowered_text(attempt.text, attempt.graph, attempt.fitted.noises)
+    if not (attempt.quiet and lowered):
+        return attempt
+    tell(f"declaring smaller: {', '.join(item.what for item in lowered)}")
+    graph = parse_model(text, file=attempt.graph.file)
+    changes = healthy_changes(build_watcher(graph), attempt.records)
+    fitted = replace(attempt.fitted, graph=graph, healthy_changes=changes)
+    text, fitted = fitted.with_healthy_changes(text, graph), replace(fitted, graph=attempt.fitted.graph)
+    read = [(item.name, item.points) for item in attempt.records]
+    smaller = widened(replace(put_on_trial(text, fitted, read, tell), widened=attempt.widened), tell)
+    return replace(smaller, lowered=lowered) if smaller.quiet else attempt
 
 
 def apart_if_quieter(attempt: Attempt, text: str, tell: Tell) -> Attempt:
@@ -326,7 +348,7 @@ def widened(attempt: Attempt, tell: Tell) -> Attempt:
     return replace(wider, widened=before | {name: before.get(name, 1.0) * x for name, x in times.items()})
 
 
-def _raised(attempt: Attempt, promise: float, tell: Tell) -> tuple[Attempt, tuple[Raised, ...]]:
+def _raised(attempt: Attempt, promise: float, tell: Tell) -> tuple[Attempt, tuple[Resized, ...]]:
     """Declare accuracies, noise or slow errors larger, as little as it takes; as it was where nothing is enough."""
     variant = enough(attempt.core, attempt.records, promise)
     if variant is None:

@@ -23,6 +23,7 @@ MOST_FOLLOWED = 30  # states, slow errors and noise of inputs of a filter in whi
 LEAST_PLACES = 6  # slow errors that are tried however large the plant is
 LAG_ACCURACY, LAG_CHANGE = 0.1, 2.0  # parts of a lag that was found
 OFFSET_ACCURACY, OFFSET_CHANGE = 1.0, 2.0  # parts of an offset that was found
+TEMPERATURE = "K"  # unit of what has no zero of its own
 UNTRIED = 1e-12  # size of what is only a possibility, in the unit of what it is an error of
 
 
@@ -115,7 +116,8 @@ def _assignments(steps: tuple[Step, ...]) -> Iterator[Assignment]:
 def possible(graph: BondGraph, signals: tuple[str, ...], n_states: int = 0) -> tuple[Imperfection, ...]:
     """Give what may be missing: slow errors of sensors and of the signals of laws, wander, noise of inputs.
 
-    What the model declares may be larger than declared; a signal has one slow error, a part of its value or absolute.
+    What the model declares may be larger than declared; a signal has one slow error, a part of its value or absolute. A
+    part of a temperature depends on where that begins, so it has none.
 
     Parameters
     ----------
@@ -135,7 +137,7 @@ def possible(graph: BondGraph, signals: tuple[str, ...], n_states: int = 0) -> t
         Imperfection(kind=kind, place=name)
         for name in signals
         for kind in (Kind.RELATIVE, Kind.ABSOLUTE)
-        if name not in taken
+        if name not in taken and not (kind is Kind.RELATIVE and graph.signal_unit(name).text == TEMPERATURE)
     ]
     scattering = [item for item in graph.inputs if not item.smooth]
     noises = [Imperfection(kind=Kind.INPUT_NOISE, place=item.name, size=item.noise) for item in scattering]

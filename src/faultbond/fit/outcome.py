@@ -86,6 +86,11 @@ class NoiseFound:
         """What the model is to declare: noise as found; a slow error is there for days that are worse than these."""
         return self.found if isinstance(self.of, Sensor) and self.is_known else self.declared
 
+    @property
+    def at_most(self) -> float:
+        """How large it may be, as far as the data tell: what was found and two standard errors more."""
+        return self.found + 2.0 * self.sd if self.is_known else 2.0 * (self.found + self.sd)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Silence:

@@ -38,6 +38,7 @@ from faultbond.report.doubts import stray_records, stray_remark, stray_sentence,
 from faultbond.report.numbers import MINUS, change_text, clock_text, figure, join, recording_text, unit_text
 from faultbond.report.together import closest_texts
 
+ENOUGH = 10  # samples for each value that is sought
 AT_MOST = 0.999  # of what is declared; a slow error is not found larger
 _CLOSE = 0.1  # accuracies by which what is read back from the file may differ, from rounding
 HEADER = ("name", "component", "nominal", "estimate ± sd", "unit", "change", "accuracy", "from the data")
@@ -91,9 +92,9 @@ class Fitted:
         written = with_correlations(written, correlation_rows(self.correlations))
         read = parse_model(written, file=self.graph.file)
         self._compare(read)
-        return self._with_healthy_changes(written, read)
+        return self.with_healthy_changes(written, read)
 
-    def _with_healthy_changes(self, text: str, graph: BondGraph) -> str:
+    def with_healthy_changes(self, text: str, graph: BondGraph) -> str:
         """Give the text of a fitted model with what seems to change, and to be off, while healthy."""
         path = {item.name: (*parameter_path(graph, item.name), "healthy_change") for item in graph.parameters}
         section = dict.fromkeys((item.name for item in graph.sensors), "sensors")
@@ -352,6 +353,11 @@ def parameter_row(item: Estimate) -> tuple[str, ...]:
 def remarks(fitted: Fitted) -> list[tuple[str, str]]:
     """Say what the parameters' table does not: combinations that do not show, and wider errors."""
     told = under("doubtful", stray_texts(fitted.strays))
+    samples, unknown = sum(len(item.time) for item in fitted.found.records), len(fitted.estimates) + len(fitted.noises)
+    if samples < ENOUGH * unknown:
+        told.append(
+            ("short", f"{samples} samples for {unknown} values: what is found is little more than what was declared")
+        )
     told += under("looks alike", [_silence_text(item) for item in fitted.silences])
     faint = [
         f"{join(list(names))}: moved together they show to {100 * sd:.2g} % only, less well than declared; what is "
@@ -400,7 +406,9 @@ def _silence_text(item: Silence) -> str:
     """Say which parameters change together unseen."""
     parts = [f"{name} {100 * part:+.{0 if abs(part) >= 0.01 else 1}f} %" for name, part in item.changes]
     text = ", ".join(parts).replace("-", MINUS)
-    return f"{text}: the data do not tell" if len(parts) == 1 else f"{text} together: the sensors do not show it"
+    if len(parts) == 1:
+        return f"{text}: the data do not tell"
+    return f"{text} together: the sensors do not show it. Name with --fixed which of them is known"
 
 
 def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:
@@ -417,7 +425,7 @@ def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:
         if item.found > AT_MOST * item.declared and not is_sensor:
             both = f"{declared} or more"
         elif not item.is_known:
-            both = f"less than {figure(2.0 * (item.found + item.sd) / unit.factor, digits=1).number()}"
+            both = f"less than {figure(item.at_most / unit.factor, digits=1).number()}"
         name = item.of.name if isinstance(item.of, Sensor) else item.of.words
         at = ", at 0" if isinstance(item.of, Sensor) and item.of.part else ""
         yield name, declared, both, unit_text(unit.text) + at, tests[item.name] if is_sensor else ""

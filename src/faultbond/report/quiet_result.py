@@ -12,10 +12,11 @@ from faultbond.contract.json_records import Record
 from faultbond.fit.foothold import Added
 from faultbond.fit.imperfections import KIND_HOLDS, Imperfection, Kind, parameter_name, with_imperfections
 from faultbond.fit.innovations import Variant
+from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.trial import Health
 from faultbond.model.amend import Path, amended
 from faultbond.model.dump import law_text
-from faultbond.model.graph import BondGraph, Unit
+from faultbond.model.graph import BondGraph, SlowError, Unit
 from faultbond.model.parser import number_text
 from faultbond.model.rewrite import NewSize, parameter_path, rewrite
 from faultbond.report.analysis import heat_lines
@@ -28,12 +29,13 @@ from faultbond.report.suspects import unit_of
 
 MOST_LEFT = 3  # places that are named as worth a look
 TOLD = 3.0  # nats; what gains less is no place to look at
+SMALLER = 0.9  # times what is declared; a slow error that may be less small than that stays as it is
 DEAF = 0.5  # of a value; a part that has to change by more is hardly watched
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Raised:
-    """Something that must be declared larger, and how many times."""
+class Resized:
+    """Something that must be declared larger, or may be declared smaller, and how many times as large."""
 
     what: str
     times: float
@@ -56,7 +58,8 @@ class Quieted:
     stated: bool
     promise: float
     added: tuple[Added, ...] = ()
-    raised: tuple[Raised, ...] = ()
+    raised: tuple[Resized, ...] = ()
+    lowered: tuple[Resized, ...] = ()
     before: Health | None = None
     health: Health | None = None
     alarms: dict[str, float] = field(default_factory=dict)
@@ -147,10 +150,10 @@ def _up(value: float) -> str:
     return number_text(float(f"{math.ceil(value / 10.0**place - 1e-9) * 10.0**place:.2g}"))
 
 
-def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tuple[Raised, ...]]:
+def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tuple[Resized, ...]]:
     """Give a model text with accuracies, noise and slow errors so many times as large, and what was raised."""
     noise = variant.noise if isinstance(variant.noise, tuple) else (variant.noise,) * len(graph.sensors)
-    raised = [Raised(what=f"noise of {item.name}", times=x) for item, x in zip(graph.sensors, noise, strict=True)]
+    raised = [Resized(what=f"noise of {item.name}", times=x) for item, x in zip(graph.sensors, noise, strict=True)]
     sizes = [NewSize(name=item.name, times=x) for item, x in zip(graph.sensors, noise, strict=True) if x != 1.0]
     slow = variant.slow if isinstance(variant.slow, tuple) else (variant.slow,) * len(graph.slow_errors)
     larger = [(item, x) for item, x in zip(graph.slow_errors, slow, strict=True) if x != 1.0]
@@ -160,10 +163,27 @@ def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tup
         text = widened_text(text, graph, {item.name: variant.accuracy for item in graph.parameters})
     told = (
         *raised,
-        *(Raised(what=f"{'wander' if item.wanders else 'slow error'} of {item.target}", times=x) for item, x in larger),
-        Raised(what="accuracies of the parameters", times=variant.accuracy),
+        *(
+            Resized(what=f"{'wander' if item.wanders else 'slow error'} of {item.target}", times=x)
+            for item, x in larger
+        ),
+        Resized(what="accuracies of the parameters", times=variant.accuracy),
     )
     return text, tuple(item for item in told if item.times != 1.0)
+
+
+def lowered_text(text: str, graph: BondGraph, noises: Sequence[NoiseFound]) -> tuple[str, tuple[Resized, ...]]:
+    """Give a model text with slow errors no larger than the recordings tell, and which became smaller.
+
+    One that grows after inputs stays as it is declared.
+    """
+    sizes, told = [], []
+    for item in noises:
+        times = item.at_most / item.declared
+        if isinstance(item.of, SlowError) and times < SMALLER and not item.of.after:
+            sizes.append(NewSize(name=item.name, times=times, kind=item.of.kind))
+            told.append(Resized(what=item.of.words, times=times))
+    return rewrite(text, graph, (), sizes), tuple(told)
 
 
 def widened_text(text: str, graph: BondGraph, times: Mapping[str, float]) -> str:
@@ -204,6 +224,7 @@ def quiet_record(found: Quieted) -> Record:
             for item in found.added
         ],
         "raised": [{"what": item.what, "times": item.times} for item in found.raised],
+        "lowered": [{"what": item.what, "times": item.times} for item in found.lowered],
         "promise": found.promise,
         "between_alarms_before": None if before is None else before.between,
         "between_alarms": None if health is None else health.between,
@@ -239,7 +260,8 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
     so_far = "" if found.stopped is None else " so far"
     nothing = f"nothing{so_far} that foretells what was held back better"
     told = under("as good", texts) if found.added else [("", nothing)]
-    told += under("raised", [f"{item.what} {item.times:.2g} times as large" for item in found.raised])
+    for label, sizes in (("raised", found.raised), ("lowered", found.lowered)):
+        told += under(label, [f"{item.what} {item.times:.2g} times as large" for item in sizes])
     if not found.stated:
         promise = f"time_between_false_alarms: {duration_text(found.promise)}; the model stated none"
         told.append(("promise", promise))
@@ -350,14 +372,14 @@ def quiet_verdict(found: Quieted) -> str:
     if health is None:
         return "The model is as it was by then, and nobody knows yet how quiet: ask `faultbond check --data`."
     between = spacing_text(health.between)
+    deaf = f" The model is deaf to faults of {join(found.deaf)}." if found.deaf else ""
     if found.quiet and not health.has_room:
         nearest = max(health.peak, health.walk)
         return (
             f"The recordings are as quiet as promised, with little to spare: {100 * nearest:.0f} % of the way to an "
-            "alarm. A recording of another day may alarm."
+            f"alarm. A recording of another day may alarm.{deaf}"
         )
     if found.quiet:
-        deaf = f" The model is deaf to faults of {join(found.deaf)}." if found.deaf else ""
         return f"The recordings are as quiet as promised: a false alarm every {between}, as far as they tell.{deaf}"
     now = "it alarms on them" if found.alarms or health.peak > 1.0 else f"a false alarm every {between}"
     return f"The model is not as quiet as promised: {now}. Mend it where it is wrong, and fit again."
