@@ -461,3 +461,26 @@ def test_no_name_steers_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixtu
     model.write_text((example / "model.yaml").read_text().replace("name: ", 'name: "\\e[31m"  # '))
     assert main(["check", str(model)]) == 2
     assert "character U+001B cannot stand in a model" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (
+            ["fit", "m.yaml", "a.csv", "--until-quite"],
+            "faultbond fit: unrecognized arguments: --until-quite; perhaps --until-quiet is",
+        ),
+        (["run", "m.yaml", "a.csv", "--reprot=x"], "perhaps --report is meant. See: faultbond run --help"),
+        (["chek", "m.yaml"], "perhaps check is meant. See: faultbond --help"),
+        (
+            ["run", "m.yaml", "a.csv", "--xyzzy"],
+            "run: unrecognized arguments: --xyzzy. See: faultbond run --help",
+        ),
+    ],
+)
+def test_a_mistyped_word_is_told_with_what_it_looks_like(
+    words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An option that a verb does not know names that verb's help, and the word that was meant if one looks like it."""
+    assert main(words) == 2
+    assert told in capsys.readouterr().err

@@ -140,7 +140,7 @@ function noClaim(diagnosis, detection) {
   }
   if (diagnosis.unexplained) return unexplainedSentence(diagnosis.unexplained);
   if (!(diagnosis.within_accuracy > diagnosis.candidates[0].probability)) return "";
-  return `Something changed, by no more than the declared accuracy allows a healthy part, ${certaintyText(diagnosis.within_accuracy)}.`;
+  return `Something changed, by no more than the model declares of healthy parts, ${certaintyText(diagnosis.within_accuracy)}: no fault is claimed.`;
 }
 
 function actionText(item) {

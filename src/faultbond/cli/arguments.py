@@ -2,9 +2,11 @@
 
 import argparse
 import os
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Never, TypeAlias
+from typing import Any, Never, TypeAlias
 
 from faultbond import app
 from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
@@ -41,10 +43,28 @@ class Parser(argparse.ArgumentParser):
         FaultbondError
             Always.
         """
+        wrong = re.search(r"invalid choice: '([^']*)' \(choose from (.*)\)", message)
+        if wrong is not None:
+            known = re.findall(r"[^', ]+", wrong[2])
+            message = f"{message}{_meant(wrong[1], known)}"
         greedy = [item.option_strings[0] for item in self._actions if item.option_strings and item.nargs == "+"]
         if greedy and message.endswith("required: MODEL"):
             message = f"{message}; it stands before {greedy[0]}, which takes all names behind it"
         raise FaultbondError(f"{self.prog}: {message}. See: {self.prog} --help")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Refuse what a verb does not know itself, so that its own help is named."""
+        found, left = super().parse_known_args(args, namespace)
+        if left:
+            options = [name for item in self._actions for name in item.option_strings]
+            self.error(f"unrecognized arguments: {' '.join(left)}{_meant(left[0].partition('=')[0], options)}")
+        return found, left
+
+
+def _meant(word: str, known: Sequence[str]) -> str:
+    """Say which known word looks like this one; empty where none does."""
+    near = get_close_matches(word, known, 1)
+    return f"; perhaps {near[0]} is meant" if near else ""
 
 
 Subparsers: TypeAlias = "argparse._SubParsersAction[Parser]"

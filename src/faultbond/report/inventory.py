@@ -23,6 +23,7 @@ from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.doubts import active_texts, doubtful
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
+from faultbond.report.oddities import oddities
 from faultbond.report.suspects import owner_title
 from faultbond.report.together import together_texts
 from faultbond.report.verdict import step_text, unfalsifiable_text
@@ -159,6 +160,7 @@ def check_record(seen: Inventory) -> Record:
             for item, known in zip(graph.inputs, spec.inputs, strict=True)
         ],
         "unused": list(unused_inputs(graph)),
+        "odd": list(oddities(graph)),
         "sensors": [
             {"name": item.name, "column": item.column, "unit": item.unit.text, "reads": to_text(item.reads)}
             | {"noise": item.noise, "noise_part": item.part, "range": [item.lower, item.upper], "suspect": item.suspect}
@@ -285,6 +287,9 @@ def print_check(console: Console, seen: Inventory, *, settings: bool = False) ->
     _print_structure(console, seen)
     _print_signals(console, seen)
     _print_method(console, seen)
+    if odd := list(oddities(seen.graph)):
+        title(console, "Is it meant so?")
+        lines(console, under("odd", odd))
     title(console, "Defaults in force: what the model file does not state")
     lines(console, seen.graph.defaults)
     if seen.graph.grid is TimeGrid.NONE:

@@ -195,7 +195,8 @@ def _misreading(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
         where = shown_in(graph, suspect.parameter, notation)
         times = f"{figure(value, sd).number(notation)} times"
         acts = f"it acts {times} what is recorded" if _is_input(graph, suspect) else f"it reads {times} the right value"
-        return _moved(suspect, f"{acts}{where}", bracket, f"this {_verb(suspect.rate)}", unit, notation)
+        verb = "rises" if (suspect.rate or 0.0) > 0.0 else "falls"
+        return _moved(suspect, f"{acts}{where}", bracket, verb, unit, notation)
     size = with_unit(abs(value), unit.text, notation, sd=sd)
     if word == FaultKind.NOISE.value:
         times = figure(suspect.estimate / (suspect.nominal or 1.0), digits=2).number(notation)
@@ -205,7 +206,7 @@ def _misreading(graph: BondGraph, suspect: Suspect, notation: Notation) -> str:
         text = f"it acts {size} {'above' if high else 'below'} what is recorded"
     else:
         text = f"it reads {size} too {'high' if high else 'low'}"
-    verb = "this grows" if (suspect.rate or 0.0) * suspect.estimate > 0.0 else "this shrinks"
+    verb = "grows" if (suspect.rate or 0.0) * suspect.estimate > 0.0 else "shrinks"
     return _moved(suspect, text, " (bias)", verb, unit, notation)
 
 
@@ -217,11 +218,7 @@ def _moved(suspect: Suspect, text: str, bracket: str, verb: str, unit: Unit, not
         return f"{text}{bracket}"
     if abs(suspect.rate) < SIGNIFICANT * (suspect.rate_sd or 0.0):
         return f"{text} now, and drifts at a rate that is not known yet"
-    return f"{text} now, and {verb} by {_rate(unit, suspect, notation)} (drift)"
-
-
-def _verb(rate: float | None) -> str:
-    return "rises" if (rate or 0.0) > 0.0 else "falls"
+    return f"{text} now, and this {verb} by {_rate(unit, suspect, notation)} (drift)"
 
 
 def _is_input(graph: BondGraph, suspect: Suspect) -> bool:

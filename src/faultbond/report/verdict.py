@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
-from faultbond.contract.core_settings import core_settings
 from faultbond.contract.findings import (
     Candidate,
     Decider,
@@ -14,7 +13,6 @@ from faultbond.contract.findings import (
     Diagnosis,
     History,
     Suspect,
-    Unexplained,
     Walk,
 )
 from faultbond.contract.silence import SENSOR, Silent, unwatched
@@ -23,19 +21,23 @@ from faultbond.model.graph import BondGraph
 from faultbond.report.checks import CheckRow, action, check_rows
 from faultbond.report.numbers import (
     Notation,
-    certainty_text,
     clock_text,
     duration_text,
-    figure,
     join,
     probability_text,
-    with_noun,
+)
+from faultbond.report.reservations import (
+    NEGLIGIBLE,
+    beside,
+    certainty,
+    course_sentences,
+    reason_for_none,
+    unexplained_sentence,
 )
 from faultbond.report.suspects import (
     OTHERWISE,
     SuspectRow,
     change_of,
-    cure_of_walk,
     instrument_of,
     otherwise,
     owner_of,
@@ -45,7 +47,6 @@ from faultbond.report.suspects import (
 from faultbond.types import FaultKind
 
 TABLE_ROWS = 8
-NEGLIGIBLE = 0.001  # candidates below are listed only to fill the first three rows
 NAMED_SETS = 4  # candidates of a group named in a sentence
 MOVES = " (this value still moves)"
 HARDLY = 0.001  # of its value by which what is accepted changes at least
@@ -150,9 +151,10 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
     return RunView(
         state=_state(history, counts),
         verdict=" ".join(
-            filter(
-                None,
-                (*counts.hints, verdict_sentence(graph, history, counts, notation), early_sentence(graph, history)),
+            (
+                *counts.hints,
+                verdict_sentence(graph, history, counts, notation),
+                *course_sentences(graph, history, diagnosis),
             )
         ),
         sensors=", ".join(sensor.name for sensor in graph.sensors),
@@ -166,7 +168,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
         rows=rows,
         several=sum(row.group for row in rows) > 1,
         remainder=remainder_text(diagnosis, rows) if diagnosis else "",
-        left_out=_beside(diagnosis) if diagnosis else "",
+        left_out=beside(diagnosis) if diagnosis else "",
         contradicted=diagnosis is not None and diagnosis.unexplained is not None,
         checks=check_rows(graph, diagnosis, notation) if diagnosis else (),
         notes=_notes(counts),
@@ -300,7 +302,7 @@ def ranking_text(graph: BondGraph, diagnosis: Diagnosis) -> str:
         told.append(f"         ... and {len(left) - RANKED_SETS} more")
     if diagnosis.unexplained is not None:
         told.append(unexplained_sentence(diagnosis.unexplained))
-    return "\n".join([*told, *filter(None, [_beside(diagnosis)])])
+    return "\n".join([*told, *filter(None, [beside(diagnosis)])])
 
 
 def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, notation: Notation) -> str:
@@ -326,7 +328,7 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         + (MOVES if suspect.moved and suspect.stopped is None else "")
         for suspect in best.suspects
     )
-    off = _no_claim(graph, diagnosis, history.open)
+    off = reason_for_none(graph, diagnosis, history.open)
     if off:  # what comes nearest
         if len(group) > 1:
             return f"{off} Nearest come {_listed([set_name(graph, candidate) for candidate in group])}."
@@ -347,7 +349,7 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
             f"Cannot yet be told apart: {listed}.{hint} "
             f"{best_next} next: {action(graph, diagnosis.advice[0], notation)}."
         )
-    return f"Most likely {_event(best, owners)}: {changes}{_certainty(graph, diagnosis)}.{otherwise(best)}"
+    return f"Most likely {_event(best, owners)}: {changes}{certainty(graph, diagnosis)}.{otherwise(best)}"
 
 
 def _event(best: Candidate, owners: str) -> str:
@@ -368,120 +370,6 @@ def _watched(graph: BondGraph, counts: RunCounts) -> str:
     if not never or not heard:
         return ""
     return f"by {join(heard)} " if len(heard) <= NAMED_SETS else f"by {len(heard)} of {len(graph.sensors)} sensors "
-
-
-def early_sentence(graph: BondGraph, history: History) -> str:
-    """Say that the alarm was a short while ago, so that the verdict may change; empty where it was not.
-
-    Of an alarm in a run before this one nothing is said, nor by a method that knows no probabilities, nor where samples
-    are not evenly spaced.
-    """
-    diagnosis, began = open_diagnosis(history), history.open
-    if (
-        diagnosis is None
-        or began not in history.detections
-        or not diagnosis.candidates[0].kinds
-        or not graph.sample_time
-    ):
-        return ""
-    since, last = round((diagnosis.time - began.time) / graph.sample_time), int(core_settings()["LAST_RENEWAL"])
-    if since >= last:
-        return ""
-    return f"This is early, {with_noun(since, 'sample')} after the alarm: up to {last} it may still change."
-
-
-def _certainty(graph: BondGraph, diagnosis: Diagnosis) -> str:
-    """Say how sure the best candidate is, sets that were not tested included; empty where nothing is a chance.
-
-    Where it has as many suspects as the model lets be at fault, it is sure of that alone: of one more it was not asked.
-    """
-    best, left = diagnosis.candidates[0], diagnosis.untested
-    if not best.kinds:  # the method `classic` knows an order only
-        return ""
-    is_largest = len(best.suspects) >= graph.max_faults and _could_be_more(graph)
-    things = "only one thing is" if graph.max_faults == 1 else f"no more than {graph.max_faults} things are"
-    sure, alone = certainty_text(best.probability), f" if {things} at fault" if is_largest else ""
-    if left is None or not left.sets:
-        return f", {sure}{alone}"
-    if left.probability >= 1.0:
-        return f", {sure} among the sets tested{alone}"
-    least = certainty_text(best.probability * (1.0 - left.probability))
-    return f", {sure}{alone}" if least == sure else f", at least {least}{alone}"
-
-
-def _could_be_more(graph: BondGraph) -> bool:
-    """Whether there are sets of more suspects than the model lets be at fault at a time: none of them was tested."""
-    stated = [
-        *(x.suspect for x in graph.parameters),
-        *(x.suspect for x in graph.sensors),
-        *(x.suspect for x in graph.inputs),
-    ]
-    return sum(stated) > graph.max_faults
-
-
-def _not_asked(graph: BondGraph) -> str:
-    """Say that what no candidate explains may be more faults at once than the model lets be; empty where it cannot."""
-    if not _could_be_more(graph):
-        return ""
-    many = "one fault at once was" if graph.max_faults == 1 else f"{graph.max_faults} faults at once were"
-    return f" More than {many} not tested (`max_faults: {graph.max_faults}`)."
-
-
-def unexplained_sentence(found: Unexplained) -> str:
-    """Say that no candidate fits, and where the best one is off."""
-    size, since, until = figure(found.sd, digits=2).number(), clock_text(found.since), clock_text(found.until)
-    when = f"at {since}" if since == until else f"between {since} and {until}, on average"
-    return (
-        f"None of the modelled faults explains this: the best fit is still {size} standard deviations off in "
-        f"{found.signal} {when}."
-    )
-
-
-def _no_claim(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> str:
-    """Say why no candidate is claimed of what began with this alarm; empty where one is."""
-    if diagnosis.mismatch and began.walk is not None:  # it is never less likely than all sets together
-        name, sure = began.walk.parameter, certainty_text(diagnosis.mismatch)
-        told = f"Most likely the model is off: {name}, which counts as healthy, had to move too far, {sure}."
-        return f"{told} {cure_of_walk(graph, name)}"
-    if diagnosis.unexplained is not None:
-        return unexplained_sentence(diagnosis.unexplained) + _not_asked(graph)
-    if diagnosis.within_accuracy <= diagnosis.candidates[0].probability:
-        return ""
-    sure = certainty_text(diagnosis.within_accuracy)
-    return f"Something changed, by no more than the declared accuracy allows a healthy part, {sure}."
-
-
-def _beside(diagnosis: Diagnosis) -> str:
-    """Say what may be true beside the candidates."""
-    told = (mismatch_sentence(diagnosis), within_sentence(diagnosis), untested_sentence(diagnosis))
-    return " ".join(filter(None, told))
-
-
-def mismatch_sentence(diagnosis: Diagnosis) -> str:
-    """Say how likely it is that the model is off; empty where nothing tells of that."""
-    if not diagnosis.mismatch:
-        return ""
-    percent = probability_text(diagnosis.mismatch)
-    return f"With {percent} % the model is off: what had to move too far counts as healthy."
-
-
-def within_sentence(diagnosis: Diagnosis) -> str:
-    """Say how likely it is that nothing is at fault but what the declared accuracy allows; empty where it hardly is."""
-    if diagnosis.within_accuracy < NEGLIGIBLE:
-        return ""
-    percent = probability_text(diagnosis.within_accuracy)
-    return f"With {percent} % no part that is tested changed by more than its declared accuracy allows a healthy one."
-
-
-def untested_sentence(diagnosis: Diagnosis) -> str:
-    """Say how many sets were too many to be tested, and what that may hide; empty where all were tested."""
-    left = diagnosis.untested
-    if left is None or not left.sets:
-        return ""
-    many = f"Another {left.sets} sets were too many to be tested"
-    if left.probability >= 1.0:
-        return f"{many}; how likely it is that the truth is among them cannot be told."
-    return f"{many}; the truth is among them with at most {math.ceil(1000.0 * left.probability - 1e-9) / 10.0:.1f} %."
 
 
 def unfalsifiable_text(spec: EngineSpec) -> str:

@@ -7,20 +7,20 @@ import pytest
 
 from fake import counts_of, kind_of, moving, suspect, tank_graph, tank_history, with_last, wrong
 from faultbond.contract.findings import Candidate, Diagnosis, History, Suspect, Unexplained, Walk
-from faultbond.model.graph import Unit
+from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.numbers import Notation
+from faultbond.report.reservations import course_sentences
 from faultbond.report.suspects import UNDETERMINED, unit_of
 from faultbond.report.verdict import (
     RunCounts,
     detection_sentence,
-    early_sentence,
     fault_probabilities,
     remainder_text,
     table_rows,
     verdict_sentence,
     view_of,
 )
-from faultbond.types import FaultKind
+from faultbond.types import FaultKind, TimeGrid
 
 GRAPH = tank_graph()
 
@@ -102,8 +102,8 @@ def test_an_early_verdict_says_so(history: History) -> None:
     (alarm,) = last.detections
     soon = last.diagnoses[-1]
 
-    def told(after: float, of: History = last) -> str:
-        return early_sentence(GRAPH, replace(of, diagnoses=(replace(soon, time=alarm.time + after),)))
+    def told(after: float, of: History = last, by: Candidate = best) -> str:
+        return " ".join(course_sentences(GRAPH, of, replace(soon, time=alarm.time + after, candidates=(by,))))
 
     assert told(1.0) == "This is early, 1 sample after the alarm: up to 200 it may still change."
     assert told(199.0).startswith("This is early, 199 samples after the alarm")
@@ -111,8 +111,36 @@ def test_an_early_verdict_says_so(history: History) -> None:
     assert told(1000.0, replace(last, time=last.time[-1:])) == ""  # without a report few rows are kept
     assert told(50.0, replace(last, detections=())) == ""
     assert told(50.0, replace(last, open=None)) == ""
-    without = replace(soon, time=alarm.time + 50.0, candidates=(replace(best, kinds=()),))
-    assert early_sentence(GRAPH, replace(last, diagnoses=(without,))) == ""
+    assert told(50.0, by=replace(best, kinds=())) == ""
+    assert (
+        told(50.0)
+        in view_of(
+            GRAPH,
+            replace(last, diagnoses=(replace(soon, time=alarm.time + 50.0),)),
+            RunCounts(samples=9),
+            Notation.FILE,
+        ).verdict
+    )
+
+
+def test_a_model_that_was_never_fitted_may_be_what_is_wrong(history: History) -> None:
+    """That is said where nothing explains the data or the alarm came soon, and not of a model that was fitted."""
+    best = kind_of(suspect(GRAPH, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.993)
+    last = with_last(history, (best,))
+    (alarm,), plain = last.detections, last.diagnoses[-1]
+    off = replace(plain, unexplained=Unexplained(signal="flow", since=7.0, until=7.0, sd=5.0))
+
+    def told(diagnosis: Diagnosis = plain, sample: int = 500, graph: BondGraph = GRAPH) -> str:
+        return " ".join(course_sentences(graph, replace(last, open=replace(alarm, sample=sample)), diagnosis))
+
+    wrong = "If nothing is wrong with the plant, the model leaves something out"
+    assert told() == ""
+    assert told(sample=499).startswith(f"The alarm came after 499 samples. {wrong}")
+    assert told(off).startswith(wrong)
+    assert told(replace(off, mismatch=0.9)) == ""
+    fitted = replace(GRAPH, inputs=(replace(GRAPH.inputs[0], fitted_range=(0.0, 1.0)), *GRAPH.inputs[1:]))
+    assert told(off, graph=fitted) == told(sample=1, graph=fitted) == ""
+    assert told(off, graph=replace(GRAPH, grid=TimeGrid.NONE)) == ""
 
 
 def test_what_lies_within_the_accuracy_is_not_claimed(history: History) -> None:
@@ -121,7 +149,9 @@ def test_what_lies_within_the_accuracy_is_not_claimed(history: History) -> None:
     diagnosis = replace(with_last(history, (best,)).diagnoses[-1], within_accuracy=0.9)
     shown = replace(history, diagnoses=(*history.diagnoses, diagnosis))
     told = verdict_sentence(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
-    assert told.startswith("Something changed, by no more than the declared accuracy allows a healthy part, 90 % sure.")
+    assert told.startswith(
+        "Something changed, by no more than the model declares of healthy parts, 90 % sure: no fault is claimed."
+    )
     assert "Nearest comes a change of the pipe: K1 " in told
     view = view_of(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
     assert view.left_out.startswith("With 90.0 % no part that is tested changed by more than its declared accuracy")

@@ -1,0 +1,148 @@
+"""What is said against a verdict, or beside it: why no candidate is claimed, how sure the best is, what else may be."""
+
+import math
+
+from faultbond.contract.core_settings import core_settings
+from faultbond.contract.findings import Detection, Diagnosis, History, Unexplained
+from faultbond.model.graph import BondGraph
+from faultbond.report.numbers import certainty_text, clock_text, figure, probability_text, with_noun
+from faultbond.report.suspects import cure_of_walk
+from faultbond.types import TimeGrid
+
+NEGLIGIBLE = 0.001  # probability that is not worth a word
+LITTLE_SEEN = 500  # samples: an alarm that comes earlier may as well tell that the model never fitted
+
+
+def reason_for_none(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> str:
+    """Say why no candidate is claimed of what began with this alarm; empty where one is."""
+    if diagnosis.mismatch and began.walk is not None:  # it is never less likely than all sets together
+        name, sure = began.walk.parameter, certainty_text(diagnosis.mismatch)
+        told = f"Most likely the model is off: {name}, which counts as healthy, had to move too far, {sure}."
+        return f"{told} {cure_of_walk(graph, name)}"
+    if diagnosis.unexplained is not None:
+        return unexplained_sentence(diagnosis.unexplained) + _not_asked(graph)
+    if diagnosis.within_accuracy <= diagnosis.candidates[0].probability:
+        return ""
+    sure = certainty_text(diagnosis.within_accuracy)
+    return f"Something changed, by no more than the model declares of healthy parts, {sure}: no fault is claimed."
+
+
+def unexplained_sentence(found: Unexplained) -> str:
+    """Say that no candidate fits, and where the best one is off."""
+    size, since, until = figure(found.sd, digits=2).number(), clock_text(found.since), clock_text(found.until)
+    when = f"at {since}" if since == until else f"between {since} and {until}, on average"
+    return (
+        f"None of the modelled faults explains this: the best fit is still {size} standard deviations off in "
+        f"{found.signal} {when}."
+    )
+
+
+def _not_asked(graph: BondGraph) -> str:
+    """Say that what no candidate explains may be more faults at once than the model lets be; empty where it cannot."""
+    if not _could_be_more(graph):
+        return ""
+    many = "one fault at once was" if graph.max_faults == 1 else f"{graph.max_faults} faults at once were"
+    return f" More than {many} not tested (`max_faults: {graph.max_faults}`)."
+
+
+def certainty(graph: BondGraph, diagnosis: Diagnosis) -> str:
+    """Say how sure the best candidate is, sets that were not tested included; empty where nothing is a chance.
+
+    Where it has as many suspects as the model lets be at fault, it is sure of that alone: of one more it was not asked.
+    """
+    best, left = diagnosis.candidates[0], diagnosis.untested
+    if not best.kinds:  # the method `classic` knows an order only
+        return ""
+    is_largest = len(best.suspects) >= graph.max_faults and _could_be_more(graph)
+    things = "only one thing is" if graph.max_faults == 1 else f"no more than {graph.max_faults} things are"
+    sure, alone = certainty_text(best.probability), f" if {things} at fault" if is_largest else ""
+    if left is None or not left.sets:
+        return f", {sure}{alone}"
+    if left.probability >= 1.0:
+        return f", {sure} among the sets tested{alone}"
+    least = certainty_text(best.probability * (1.0 - left.probability))
+    return f", {sure}{alone}" if least == sure else f", at least {least}{alone}"
+
+
+def _could_be_more(graph: BondGraph) -> bool:
+    """Whether there are sets of more suspects than the model lets be at fault at a time: none of them was tested."""
+    stated = [
+        *(x.suspect for x in graph.parameters),
+        *(x.suspect for x in graph.sensors),
+        *(x.suspect for x in graph.inputs),
+    ]
+    return sum(stated) > graph.max_faults
+
+
+def course_sentences(graph: BondGraph, history: History, diagnosis: Diagnosis | None) -> tuple[str, ...]:
+    """Say what the way to a diagnosis, made last in a run, means for it; nothing without one."""
+    began = history.open
+    if diagnosis is None or began is None:
+        return ()
+    is_of_now = began in history.detections  # not of a run before this one
+    told = _early_sentence(graph, diagnosis, began) if is_of_now else "", _model_sentence(graph, diagnosis, began)
+    return tuple(filter(None, told))
+
+
+def _early_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> str:
+    """Say that the alarm was a short while ago, so that the verdict may change; empty where it was not.
+
+    Nothing is said by a method that knows no probabilities, nor where samples are not evenly spaced.
+    """
+    if not diagnosis.candidates[0].kinds or not graph.sample_time:
+        return ""
+    since, last = round((diagnosis.time - began.time) / graph.sample_time), int(core_settings()["LAST_RENEWAL"])
+    if since >= last:
+        return ""
+    return f"This is early, {with_noun(since, 'sample')} after the alarm: up to {last} it may still change."
+
+
+def _model_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> str:
+    """Say what to do about a model that was never fitted, if the plant is healthy after all; empty else.
+
+    It is said where something speaks for that: nothing explains the data, or the alarm came before the model had been
+    seen to fit for long.
+    """
+    was_fitted = any(item.fitted_range is not None for item in graph.inputs)
+    is_soon = began.sample < LITTLE_SEEN
+    speaks = is_soon or diagnosis.unexplained is not None
+    if was_fitted or diagnosis.mismatch or not speaks or graph.grid is TimeGrid.NONE:
+        return ""
+    seen = f"The alarm came after {with_noun(began.sample, 'sample')}. " if is_soon else ""
+    return (
+        f"{seen}If nothing is wrong with the plant, the model leaves something out: `faultbond fit` with "
+        "`--until-quiet` and healthy recordings finds what."
+    )
+
+
+def beside(diagnosis: Diagnosis) -> str:
+    """Say what may be true beside the candidates."""
+    told = (mismatch_sentence(diagnosis), within_sentence(diagnosis), untested_sentence(diagnosis))
+    return " ".join(filter(None, told))
+
+
+def mismatch_sentence(diagnosis: Diagnosis) -> str:
+    """Say how likely it is that the model is off; empty where nothing tells of that."""
+    if not diagnosis.mismatch:
+        return ""
+    percent = probability_text(diagnosis.mismatch)
+    return f"With {percent} % the model is off: what had to move too far counts as healthy."
+
+
+def within_sentence(diagnosis: Diagnosis) -> str:
+    """Say how likely it is that nothing is at fault but what the declared accuracy allows; empty where it hardly is."""
+    if diagnosis.within_accuracy < NEGLIGIBLE:
+        return ""
+    percent = probability_text(diagnosis.within_accuracy)
+    return f"With {percent} % no part that is tested changed by more than its declared accuracy allows a healthy one."
+
+
+def untested_sentence(diagnosis: Diagnosis) -> str:
+    """Say how many sets were too many to be tested, and what that may hide; empty where all were tested."""
+    left = diagnosis.untested
+    if left is None or not left.sets:
+        return ""
+    many = f"Another {left.sets} sets were too many to be tested"
+    if left.probability >= 1.0:
+        return f"{many}; how likely it is that the truth is among them cannot be told."
+    return f"{many}; the truth is among them with at most {math.ceil(1000.0 * left.probability - 1e-9) / 10.0:.1f} %."
