@@ -17,7 +17,8 @@ from faultbond.contract.lanes import starts_of
 from faultbond.contract.spec import EngineSpec, ParameterSpec, pack, unpack
 from faultbond.types import FaultKind
 
-DRIFTING, SWITCHING = log(0.5), log(0.2)  # prior weights of a drift, and of a fault that comes and goes, beside a step
+DRIFTING, SWITCHING = log(0.5), log(0.2)  # prior weights of a drift, and of a fault that comes and goes, beside a step,
+SHOWING = log(0.25)  # and of each step that takes a while to show
 FRESH, OLD = (
     20.0,
     2000.0,
@@ -61,6 +62,7 @@ class SlotLane:
     size, size_sd, rate, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a
         sensor in its noise (bias, stuck), of an input in its largest value seen, of a gain relative; the rate per
         sample
+    settling : time, s, in which what is at fault may come to its size; 0: it is there at once
     noise : noise variance of the sensor, in that declared
     weight : logarithm of the prior weight
     """
@@ -78,6 +80,7 @@ class SlotLane:
     size_sd: float = 0.0
     rate: float = 0.0
     rate_sd: float = 0.0
+    settling: float = 0.0
     noise: float = 1.0
     weight: float = 0.0
 
@@ -112,8 +115,10 @@ def plan_slots(spec: EngineSpec) -> SlotPlan:
     singles = [(k, chosen[0]) for k, chosen in enumerate(spec.hypotheses) if len(chosen) == 1]
     found = [lane for k, index in singles for lane in _drifts(spec.parameters[index], index, k)]
     found += [lane for k, index in singles for lane in _changes(spec.parameters[index], index, k)]
+    found += [lane for k, index in singles for lane in _settling_steps(spec.parameters[index], index, k)]
     for k, instrument in enumerate(spec.instruments, len(spec.hypotheses)):
-        found += (_sensor_faults if instrument.is_output else _input_faults)(instrument.index, k)
+        index = instrument.index
+        found += _sensor_faults(index, k) if instrument.is_output else _input_faults(index, k, _in_sight(spec, index))
     moving = _first_drifts(found)
     passing = [lane for lane in found if lane.kind is FaultKind.INTERMITTENT]
     from_onset = [lane for lane in found if lane not in moving and lane not in passing]
@@ -183,6 +188,25 @@ def _changes(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotL
         )
 
 
+def _settling_steps(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLane]:
+    """Give steps that a sensor shows as slowly as it does an input: what lags may be the sensor, too."""
+    usual = (min(GAIN, item.change), item.change) if item.healthy else (item.change,)
+    for sd in dict.fromkeys(usual if item.settling > 0.0 else ()):
+        yield SlotLane(
+            hypothesis=hypothesis,
+            kind=FaultKind.STEP,
+            parameter=index,
+            size_sd=sd,
+            settling=item.settling,
+            weight=SHOWING,
+        )
+
+
+def _in_sight(spec: EngineSpec, index: int) -> float:
+    """Give how long an input settles, s, where a sensor feels it at once; 0: none does."""
+    return spec.inputs[index].settling if any(index in item.direct_inputs for item in spec.outputs) else 0.0
+
+
 def _sensor_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
     """Give the faults of a sensor; those that come and go read wrongly by as much each time, or show the same."""
     lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.BIAS, output=index)
@@ -204,24 +228,24 @@ def _sensor_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
     yield replace(gain, kind=FaultKind.DRIFT, rate_sd=GAIN / FRESH, weight=DRIFTING + log(SENSOR_KINDS[FaultKind.GAIN]))
 
 
-def _input_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
-    """Give the faults of an input."""
-    lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.BIAS, input=index)
-    drift, stuck = replace(lane, kind=FaultKind.DRIFT), replace(lane, kind=FaultKind.STUCK, sticks=True)
-    gain = replace(lane, scales=True)
+def _input_faults(index: int, hypothesis: int, settling: float) -> Iterator[SlotLane]:
+    """Give the faults of an input; those that begin at an onset come as slowly as it settles."""
+    moves = SlotLane(hypothesis=hypothesis, kind=FaultKind.DRIFT, input=index)
+    lane = replace(moves, kind=FaultKind.BIAS, settling=settling)
+    stuck, gain = replace(lane, kind=FaultKind.STUCK, sticks=True), replace(lane, kind=FaultKind.GAIN, scales=True)
     found = [
         *(replace(lane, size_sd=sd) for sd in INPUT_BIASES),
-        replace(drift, rate_sd=INPUT_BIASES[1] / FRESH),
-        replace(drift, size_sd=INPUT_BIASES[0], rate_sd=INPUT_BIASES[0] / OLD),
-        replace(gain, kind=FaultKind.GAIN, size_sd=GAIN),
+        replace(moves, rate_sd=INPUT_BIASES[1] / FRESH),
+        replace(moves, size_sd=INPUT_BIASES[0], rate_sd=INPUT_BIASES[0] / OLD),
+        replace(gain, size_sd=GAIN),
         *(replace(stuck, size_sd=sd) for sd in INPUT_STUCK),
-        *(replace(lane, kind=FaultKind.INTERMITTENT, size_sd=sd) for sd in INPUT_BIASES),
+        *(replace(moves, kind=FaultKind.INTERMITTENT, size_sd=sd) for sd in INPUT_BIASES),
     ]
     counts = Counter(item.kind for item in found)
     for item in found:
         yield replace(item, weight=COMMANDED + log(INPUT_KINDS[item.kind] / counts[item.kind]))
     drifting = DRIFTING + log(INPUT_KINDS[FaultKind.GAIN])
-    yield replace(gain, kind=FaultKind.DRIFT, rate_sd=GAIN / FRESH, weight=COMMANDED + drifting)
+    yield replace(moves, scales=True, rate_sd=GAIN / FRESH, weight=COMMANDED + drifting)
 
 
 def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:

@@ -99,7 +99,7 @@ static void find_bases_of(Bank *bank, const double *old, Match *match)
     for (int64_t k = 0; k < SWITCHED; k++) {
         double value;
         if (SLOT_HYPOTHESIS[k] != COUPLE_SLOT[match->couple]) continue;
-        if (SLOT_KIND[k] == KIND_NOISE || SLOT_KIND[k] == KIND_RAMP) continue; /* what stays follows from what moves */
+        if (!is_for_couples(k)) continue;
         const double said = said_with(bank, k, COUPLE_PARAMETER[match->couple], old, &value);
         const int alike = match->couple < N_MIXED && match->base[0] >= 0 && SLOT_KIND[match->base[0]] == SLOT_KIND[k];
         const int first = said > match->said[0];
@@ -229,13 +229,12 @@ static void plan_further(Bank *bank, const Match *match, const double *old, Job 
 {
     const int64_t first = job->bases[lane_of_couple(match->row, LIKELIEST)], second = job->bases[lane_of_couple(match->row, SECOND)];
     const int64_t third = lane_of_couple(match->row, THIRD);
-    int64_t had = (int64_t)1 << SLOT_KIND[first] | (int64_t)1 << SLOT_KIND[second] | (int64_t)1 << KIND_NOISE |
-                  (int64_t)1 << KIND_RAMP;
+    int64_t had = (int64_t)1 << SLOT_KIND[first] | (int64_t)1 << SLOT_KIND[second];
     for (int64_t turn = 0; match->couple < N_MIXED && turn < job->renewals; turn++) {
         double most = -INFINITY;
         for (int64_t k = 0; k < SWITCHED; k++) {
             double value;
-            if (SLOT_HYPOTHESIS[k] != COUPLE_SLOT[match->couple] || (had >> SLOT_KIND[k] & 1) != 0) continue;
+            if (SLOT_HYPOTHESIS[k] != COUPLE_SLOT[match->couple] || !is_for_couples(k) || (had >> SLOT_KIND[k] & 1) != 0) continue;
             const double said = said_with(bank, k, COUPLE_PARAMETER[match->couple], old, &value);
             if (!(said > most)) continue;
             most = said;

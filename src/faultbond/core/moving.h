@@ -57,14 +57,19 @@ static int64_t hypothesis_of(const Bank *bank, int64_t lane)
     return N_BEGUN + (set < 0 ? 0 : set);
 }
 
+/* The kind of fault of what a lane of the plan looks for, where that does not move. */
+static inline int still_kind(int64_t slot)
+{
+    return SLOT_PARAMETER[slot] >= 0 ? KIND_STEP : SLOT_SCALES[slot] ? KIND_GAIN : KIND_BIAS;
+}
+
 /* Log-likelihood of the likeliest lane of what a lane of the plan looks for, had that changed at once. */
 static double most_of_changes(const Bank *bank, int64_t slot)
 {
     const int64_t hypothesis = SLOT_HYPOTHESIS[slot];
-    const int kind = SLOT_SCALES[slot] ? KIND_GAIN : KIND_BIAS;
     double most = LOWEST;
     for (int64_t lane = 0; lane < RAMPED; lane++)
-        if (SLOT_HYPOTHESIS[lane] == hypothesis && SLOT_KIND[lane] == kind)
+        if (SLOT_HYPOTHESIS[lane] == hypothesis && SLOT_KIND[lane] == still_kind(slot))
             most = fmax(most, finite_or_lowest(of_slot(bank, lane, WIDE_LIKELIHOOD)));
     if (hypothesis >= N_SETS) return most;
     for (int64_t lane = FIRST_LANE[hypothesis]; lane < FIRST_LANE[hypothesis + 1]; lane++)
@@ -92,8 +97,7 @@ static int64_t kind_of(const Bank *bank, int64_t lane)
 {
     if (lane < N_STEPS) return KIND_STEP;
     const int64_t slot = plan_of(bank, lane - N_STEPS);
-    if (!is_at_rest(bank, lane - N_STEPS)) return SLOT_KIND[slot];
-    return SLOT_PARAMETER[slot] >= 0 ? KIND_STEP : SLOT_SCALES[slot] ? KIND_GAIN : KIND_BIAS;
+    return is_at_rest(bank, lane - N_STEPS) ? still_kind(slot) : SLOT_KIND[slot];
 }
 
 /* The suspects of a lane, and how many. */

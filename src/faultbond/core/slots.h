@@ -14,7 +14,7 @@
 
 #define SWITCHING (1.0 / 300.0) /* probability per sample that a fault that comes and goes does so */
 #define EARLY_SWITCHING 2.061153622438558e-9 /* the same where no onset is sought, exp(-20) */
-#define WALK 12                 /* steps in which the bias of an input comes up that takes a while to settle */
+#define WALK 12                 /* steps in which a fault comes up that takes a while to settle */
 #define RENEWED_KINDS 5         /* of an instrument: bias, gain, drifts of both, stuck */
 #define N_PAIRS ((N_SLOT_LANES - SWITCHED) / 2)
 
@@ -36,7 +36,7 @@ typedef struct {
     lanes there[WIDE_NUMBERS], gone[WIDE_NUMBERS]; /* pairs side by side */
     lanes apart[2][WIDE_JOINT], kept[2], ready[2], found[2][2 * N_OUTPUTS];
     SlotStart start;
-    Renewed renewed[FB_ROOM(N_SETS + RENEWED_KINDS * N_INSTRUMENTS)];
+    Renewed renewed[FB_ROOM(2 * N_SETS + RENEWED_KINDS * N_INSTRUMENTS)];
     double plain[PLAIN_NUMBERS], sample[N_SAMPLE];
     double moves[WIDE_NUMBERS][FB_LANES], stays[WIDE_NUMBERS][FB_LANES]; /* see ramps.h */
 } SlotMemory;
@@ -203,27 +203,17 @@ static void begin_beside(int64_t k, const double *peak, double (*block)[GROUP], 
     block[WIDE_PLACE(rate, rate)][l] = sd * sd;
 }
 
-/* Whether the input of lane k takes a while to settle, and a sensor sees it at once. */
-static int settles_in_sight(int64_t k)
-{
-    const int input = SLOT_INPUT[k];
-    if (input < 0 || SLOT_KIND[k] == KIND_DRIFT || !(INPUT_SETTLING[input] > 0.0)) return 0;
-    for (int e = 0; e < DIRECT_ROW[N_OUTPUTS]; e++)
-        if (DIRECT_INPUT[e] == input) return 1;
-    return 0;
-}
-
-/* Let the bias of an input that settles come up within that time: until then its size walks at random from where it is,
+/* Let a fault that takes a while to settle come up within that time: until then its size walks at random from where it is,
    with steps that together are as wide as the start of the lane says. */
 static void begin_walk(int64_t k, const Trail *trail, int64_t onset, double (*block)[GROUP], int l, Walk *walk)
 {
     const int size = WIDE_PLACE(AT_SLOT, AT_SLOT);
     int64_t n = 0;
-    if (!settles_in_sight(k)) return;
     double elapsed = 0.0;
+    if (!(SLOT_SETTLING[k] > 0.0)) return;
     for (int64_t place = onset; place < trail->n; place++) {
         elapsed += sample_at(trail, place)[SAMPLE_DT];
-        n += elapsed <= INPUT_SETTLING[SLOT_INPUT[k]];
+        n += elapsed <= SLOT_SETTLING[k];
     }
     if (n == 0) return;
     walk->samples[l] = n;
@@ -313,9 +303,15 @@ static inline int64_t in_group(int64_t first, int64_t n) { return n - first < GR
 
 FB_SELDOM
 
-/* Whether lanes of this fault are begun again: all that may be in a couple. What begins again has the better onset: were it not
-   begun again by itself, a needless second suspect would bring that. */
-static inline int is_renewed(int64_t k) { return SLOT_KIND[k] != KIND_NOISE && SLOT_KIND[k] != KIND_RAMP; }
+/* Whether a lane may be in a couple. What stays follows from what moves, and of two steps there are sets. */
+static inline int is_for_couples(int64_t k)
+{
+    return SLOT_KIND[k] != KIND_NOISE && SLOT_KIND[k] != KIND_RAMP && SLOT_KIND[k] != KIND_STEP;
+}
+
+/* Whether lanes of this fault are begun again: all that may be in a couple, and steps. What begins again has the better onset:
+   were it not begun again by itself, a needless second suspect would bring that. */
+static inline int is_renewed(int64_t k) { return is_for_couples(k) || SLOT_KIND[k] == KIND_STEP; }
 
 /* Whether they then begin at what was found: drifts of parameters and inputs, and biases and gains of inputs, which the plant
    bends. All others begin as at first. */

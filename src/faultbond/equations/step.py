@@ -53,7 +53,8 @@ class StepModel:
     does without.
     scales: sizes of the parameters (n_parameters,), SI; v holds parameters as factors of them. noisy: inputs with an
     error in v. reference: state (n_states,) and implicit signals (n_implicit,), SI, of a nominal run, where the number
-    of substeps was chosen. direct: for each output the inputs that reach it without passing a state.
+    of substeps was chosen. direct, of_parts: for each output the inputs that reach it without passing a state, and the
+    parameters that do.
     """
 
     plant: Plant
@@ -77,6 +78,7 @@ class StepModel:
     reference_implicit: FloatArray
     measure_is_linear: bool
     direct: tuple[tuple[int, ...], ...]
+    of_parts: tuple[tuple[int, ...], ...]
 
     @property
     def follow(self) -> ca.Function:
@@ -152,7 +154,8 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
         reference_state=reference_x,
         reference_implicit=reference_z,
         measure_is_linear=not ca.depends_on(readings_(*arguments)[1], ca.vertcat(v, plant.z)),
-        direct=_direct_inputs(readings, plant),
+        direct=_at_once(readings, plant.u, plant.z),
+        of_parts=_at_once(readings, factors, plant.z),
     )
 
 
@@ -300,13 +303,13 @@ def _predict(
     return ca.Function("follow", [v, before, after, z, dt], [x, slope, solved])
 
 
-def _direct_inputs(readings: ca.SX, plant: Plant) -> tuple[tuple[int, ...], ...]:
-    """For each output the inputs that reach it without passing a state."""
-    if not plant.u.numel():
+def _at_once(readings: ca.SX, what: ca.SX, z: ca.SX) -> tuple[tuple[int, ...], ...]:
+    """For each output which of some symbols reach it without passing a state."""
+    if not what.numel():
         return ((),) * readings.numel()
-    pattern = ca.DM(ca.jacobian_sparsity(ca.vertcat(readings), plant.u), 1.0).full() != 0
-    if plant.z.numel():  # an implicit signal passes on every input
-        through = ca.DM(ca.jacobian_sparsity(readings, plant.z), 1.0).full() != 0
+    pattern = ca.DM(ca.jacobian_sparsity(ca.vertcat(readings), what), 1.0).full() != 0
+    if z.numel():  # an implicit signal passes on every one
+        through = ca.DM(ca.jacobian_sparsity(readings, z), 1.0).full() != 0
         pattern |= through.any(axis=1, keepdims=True)
     return tuple(tuple(int(k) for k in np.flatnonzero(row)) for row in pattern)
 

@@ -174,7 +174,7 @@ def _slot_tables(spec: EngineSpec) -> Iterable[str]:
     yield small_integers("SLOT_KIND", (kinds.index(item.kind) for item in lanes))
     for name in ("hypothesis", "parameter", "input", "output", "acts", "sticks", "scales", "old"):
         yield small_integers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
-    for name in ("size", "size_sd", "rate", "rate_sd", "noise", "weight"):
+    for name in ("size", "size_sd", "rate", "rate_sd", "settling", "noise", "weight"):
         yield numbers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
 
 

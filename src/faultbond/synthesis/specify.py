@@ -66,7 +66,7 @@ def build_spec(model: StepModel) -> EngineSpec:
         sample_time=graph.sample_time,
         states=states,
         slow_errors=slow,
-        parameters=tuple(_parameter(item) for item in graph.parameters),
+        parameters=tuple(_parameter(item, _settling(model, k)) for k, item in enumerate(graph.parameters)),
         inputs=tuple(_input(item, acts=item.name in graph.acting_inputs) for item in graph.inputs),
         outputs=tuple(_output(item, model.direct[k], conditions, stores) for k, item in enumerate(graph.sensors)),
         loops=tuple(float(value) for value in model.reference_implicit),
@@ -191,7 +191,7 @@ def _drifts(model: StepModel) -> FloatArray:
     return np.divide(1.0, effects, out=np.zeros(n_x), where=effects > 0.0)
 
 
-def _parameter(item: Parameter) -> ParameterSpec:
+def _parameter(item: Parameter, settling: float) -> ParameterSpec:
     size = abs(item.scale)
     lower, upper = least, most = sorted((item.lower / item.scale, item.upper / item.scale))
     healthy, reach = (0.0 if item.nominal == 0.0 else 1.0), _OUTSIDE * item.accuracy / size
@@ -217,7 +217,15 @@ def _parameter(item: Parameter) -> ParameterSpec:
         least=least,
         most=most,
         healthy_change=item.healthy_change / size,
+        settling=settling,
     )
+
+
+def _settling(model: StepModel, parameter: int) -> float:
+    """Give how long an input settles of which a sensor tells at once, as it does of this parameter, s; 0: none does."""
+    inputs = model.plant.graph.inputs
+    felt = zip(model.direct, model.of_parts, strict=True)
+    return max((inputs[k].settling for known, parts in felt if parameter in parts for k in known), default=0.0)
 
 
 def _correlations(graph: BondGraph) -> tuple[tuple[int, int, float], ...]:

@@ -14,6 +14,7 @@ from faultbond.contract.slots import (
     NOISES,
     OLD,
     SENSOR_KINDS,
+    SHOWING,
     STUCK_AT,
     STUCK_NOISES,
     SWITCHING,
@@ -42,7 +43,10 @@ def role(spec: EngineSpec, plan: SlotPlan, name: str) -> FloatArray:
 
 @pytest.mark.parametrize("name", ["dc_motor_current", "tank", "rc"])
 def test_single_parameters_drift_or_come_and_go(name: str) -> None:
-    """Sets of one parameter have lanes of a drift, which may end, and of what comes and goes, rarer than a step."""
+    """Sets of one parameter have lanes of a drift, which may end, and of what comes and goes, rarer than a step.
+
+    So have they of a step that shows slowly, where a sensor that feels it at once feels an input that settles, too.
+    """
     spec = spec_of(name)
     plan = plan_slots(spec)
     for k, chosen in enumerate(spec.hypotheses):
@@ -54,7 +58,10 @@ def test_single_parameters_drift_or_come_and_go(name: str) -> None:
         drifts = [lane for lane in own if lane.kind is FaultKind.DRIFT]
         pairs = [lane for lane in own if lane.kind is FaultKind.INTERMITTENT]
         ramps = [lane for lane in own if lane.kind is FaultKind.RAMP]
-        assert len(drifts) + len(ramps) + len(pairs) == len(own)
+        slow = [lane for lane in own if lane.kind is FaultKind.STEP]
+        assert len(drifts) + len(ramps) + len(pairs) + len(slow) == len(own)
+        assert {lane.settling for lane in slow} == {spec.parameters[chosen[0]].settling} - {0.0}
+        assert sum(np.exp(lane.weight) for lane in slow) == pytest.approx(2.0 * np.exp(SHOWING) if slow else 0.0)
         assert len(ramps) == 1
         assert sum(np.exp(lane.weight) for lane in drifts) == pytest.approx(np.exp(DRIFTING))
         assert sum(np.exp(lane.weight) for lane in pairs if lane.acts) == pytest.approx(np.exp(SWITCHING))

@@ -29,7 +29,6 @@ void t_suspect(State *state, const double *lane, const double *tied, const doubl
     start.tied = *tied != 0.0;
     suspect_lane(&start, healthy, to);
 }
-int64_t t_settles(State *state, const double *lane) { (void)state; return settles_in_sight((int64_t)*lane); }
 /* Rows of the past, [n][samples and lanes], and lane 0 begun at one of them. */
 void t_begin(State *state, const double *rows, const double *n, const double *onset, double *to)
 {
@@ -185,15 +184,22 @@ def test_a_tied_jump_keeps_the_content(name: str, clipped: bool) -> None:
     assert (bound > 2) == clipped
 
 
-def test_which_biases_come_up_slowly() -> None:
-    """Those of inputs that settle in sight of a sensor: the inlet of the tank, not its outlet; none of the circuit."""
-    lanes = plan_slots(core("tank").spec).lanes
-    own = [k for k in range(len(lanes)) if core("tank").call("t_settles", np.array([float(k)]))]
-    assert all(item.settling > 0.0 for item in core("tank").spec.inputs)
-    assert {lanes[k].input for k in own} == {0}
-    assert own == [k for k, item in enumerate(lanes) if item.input == 0 and item.kind is not FaultKind.DRIFT]
-    n = len(plan_slots(core("rlc").spec).lanes)
-    assert not any(core("rlc").call("t_settles", np.array([float(k)])) for k in range(n))
+def test_which_faults_come_up_slowly() -> None:
+    """Those of an input that settles in sight of a sensor, and steps of what that feels as soon; none of the circuit.
+
+    The meter at the inlet of the tank feels the pump, its speed and what is between; the outlet feels the level first.
+    """
+    tank = core("tank").spec
+    slow = [item for item in plan_slots(tank).lanes if item.settling]
+    steps = {tank.parameters[item.parameter].name for item in slow if item.kind is FaultKind.STEP}
+    assert all(item.settling > 0.0 for item in tank.inputs)
+    assert {item.settling for item in slow} == {tank.inputs[0].settling}
+    assert steps == {"K1", "K2", "K7", "K8"} == {item.name for item in tank.parameters if item.settling}
+    faults = [(item.kind, item.input) for item in slow if item.kind is not FaultKind.STEP]
+    assert sorted(faults, key=str) == sorted(
+        ((kind, 0) for kind in 2 * [FaultKind.BIAS, FaultKind.STUCK] + [FaultKind.GAIN]), key=str
+    )
+    assert not any(item.settling for item in plan_slots(core("rlc").spec).lanes)
 
 
 def test_no_time_passes_twice_at_the_onset() -> None:
