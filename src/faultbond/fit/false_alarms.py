@@ -3,10 +3,13 @@
 The CUSUM of scores with mean m, long-run variance v and drift k climbs to h about every
 (exp(w) - 1 - w) v / (2 d^2) samples, with d = m - k (for the lower side, -m - k), w = -2 d (h + b) / v,
 b = 1.166 sqrt(v): Brownian motion with a correction for steps. One is counted for each side of each sensor, slow and
-fast, and one for the sum of its scatter. A slow error alarms when its estimate leaves its limit; the time between is
-that of a Gaussian process with the spread and the memory seen.
+fast, and one for the sum of its scatter. That is of scores that are alike all the time; where a model is wrong for a
+while, as after each step of an input, few climbs are far higher than mean and variance say. So the highest climbs tell
+of it too: by how much climbs pass a level is exponential, and the time is the shorter of the two. A slow error alarms
+when its estimate leaves its limit; the time between is that of a Gaussian process with the spread and the memory seen.
 
-Source: Siegmund, Sequential Analysis, 1985, section 10.2 (the approximation); Rice, Bell Syst. Tech. J. 24 (1945) 46.
+Source: Siegmund, Sequential Analysis, 1985, section 10.2 (the approximation); Pickands, Ann. Statist. 3 (1975) 119
+(peaks over a threshold); Rice, Bell Syst. Tech. J. 24 (1945) 46.
 """
 
 from collections.abc import Sequence
@@ -27,6 +30,7 @@ STILL = 1e-9
 FLATTEST, STEEPEST = 1e-6, 16.0  # exponents; below, rounding decides; above, crossings are rare for ever
 SENSOR = "sensor"  # the kind of a statistic
 FARTHEST = 1e30  # s; longer is for ever
+HIGHEST = 20  # climbs whose heights tell how rare higher ones are, of twice as many at least
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +84,8 @@ def _sensor_rate(spec: EngineSpec, watches: Sequence[Watch], j: int, step: float
     wild = [item.scores[np.isfinite(item.scores[:, j]), j] for item in watches]
     scores = [clip(settings, item) for item in wild]
     every = np.concatenate(scores) if scores else np.zeros(0)
-    peak = max((float(np.max(item.height[:, j], initial=0.0)) for item in watches), default=0.0)
+    heights = [item.height[:, j] for item in watches]
+    peak = max((float(np.max(item, initial=0.0)) for item in heights), default=0.0)
     if len(every) < 2:
         return Rate(name=spec.outputs[j].name, kind=SENSOR, peak=0.0, between=np.inf, mean=0.0, spread=0.0, memory=0.0)
     mean, spread = float(every.mean()), float(every.std())
@@ -96,7 +101,7 @@ def _sensor_rate(spec: EngineSpec, watches: Sequence[Watch], j: int, step: float
         name=spec.outputs[j].name,
         kind=SENSOR,
         peak=peak / settings.cusum_limit,
-        between=step / sum(1.0 / item for item in samples),
+        between=step * min(1.0 / sum(1.0 / item for item in samples), climb_time(heights, settings.cusum_limit)),
         mean=mean,
         spread=spread,
         memory=step * max(variance / max(spread**2, 1e-12), 1.0),
@@ -125,6 +130,28 @@ def cusum_time(drift: float, variance: float, limit: float) -> float:
     with np.errstate(over="ignore"):
         w = -2.0 * drift * height / variance
         return float(min((np.exp(min(w, 700.0)) - 1.0 - w) * variance / (2.0 * drift**2), FARTHEST))
+
+
+def climb_time(heights: Sequence[FloatArray], limit: float) -> float:
+    """Give the expected samples until a climb comes to the limit, from the highest of those seen.
+
+    Parameters
+    ----------
+    heights : arrays (N,), of the sums sample by sample
+    limit : of the sums
+    """
+    climbs = np.sort(np.concatenate([_climbs(item) for item in heights]))[::-1]
+    if len(climbs) < 2 * HIGHEST:
+        return FARTHEST
+    level, samples = climbs[HIGHEST], sum(map(len, heights))
+    beyond = max(float(np.mean(climbs[:HIGHEST] - level)), STILL)
+    return float(min(samples / HIGHEST * np.exp(min((limit - level) / beyond, 70.0)), FARTHEST))
+
+
+def _climbs(height: FloatArray) -> FloatArray:
+    """Give how high each climb goes from 0 until it is there again, of heights (N,)."""
+    begins = np.flatnonzero((height > 0.0) & (np.concatenate([[0.0], height[:-1]]) <= 0.0))
+    return np.maximum.reduceat(height, begins) if len(begins) else np.zeros(0)
 
 
 def scatter_time(settings: Thresholds, scores: Sequence[FloatArray], lag: int) -> float:

@@ -8,12 +8,13 @@ import pytest
 
 from bare_core import CELL
 from faultbond.app.likelihood import likelihood_engine
+from faultbond.arrays import FloatArray
 from faultbond.contract.samples import Sample
 from faultbond.contract.spec import Thresholds
 from faultbond.equations.plant import build_plant
 from faultbond.fit.certainty import long_run_variance
 from faultbond.fit.cusum import LAGS, added, no_sums
-from faultbond.fit.false_alarms import alarm_rates, cusum_time, scatter_time
+from faultbond.fit.false_alarms import FARTHEST, HIGHEST, alarm_rates, climb_time, cusum_time, scatter_time
 from faultbond.fit.innovations import Variant, Watch, take_recording, watch_recording, watch_taken
 from faultbond.fit.objective import ways_of
 from faultbond.fit.response import A_LITTLE
@@ -232,6 +233,47 @@ def test_the_time_between_false_alarms_is_that_of_white_noise() -> None:
     matrix[0, 0] -= 0.5 * (1.0 + erf(drift / np.sqrt(2.0)))
     exact = float(np.linalg.solve(matrix, np.ones(n + 1))[0])
     assert cusum_time(-drift, 1.0, limit) == pytest.approx(exact, rel=0.1)
+
+
+def climbs(scores: FloatArray, drift: float) -> FloatArray:
+    """Give the heights of the one-sided sum of scores (N,)."""
+    height, found = 0.0, np.zeros(len(scores))
+    for k, score in enumerate(scores):
+        height = max(height + score - drift, 0.0)
+        found[k] = height
+    return found
+
+
+def bursts(n: int, generator: np.random.Generator) -> FloatArray:
+    """Give scores (n,) that are small, but for a while after each move of an input, which is larger some times."""
+    sizes = np.repeat(generator.exponential(0.35, n // 300 + 1), 300)[:n]
+    return 0.3 * generator.standard_normal(n) + sizes * np.exp(-(np.arange(n) % 300) / 15.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_highest_climbs_tell_how_rare_higher_ones_are(seed: int) -> None:
+    """Of white noise as mean and variance do; of a model that is wrong for a while these tell of far too long."""
+    drift, limit, generator = 0.25, 11.0, np.random.default_rng(seed)
+    white = [generator.standard_normal(5000) for _ in range(4)]
+    told = climb_time([climbs(item, drift) for item in white], limit)
+    assert abs(log(told / cusum_time(-drift, 1.0, limit))) < log(4.0)
+
+    few, many = bursts(20_000, generator), bursts(600_000, generator)
+    high, begun = climbs(many, drift), 0
+    for start in range(0, len(many), 300):
+        begun += bool(np.any(high[start : start + 300] > limit))
+    true = len(many) / begun
+    assert abs(log(climb_time([climbs(few, drift)], limit) / true)) < log(10.0)
+    variance = float(long_run_variance((few - few.mean())[:, None])[0, 0]) / len(few)
+    assert cusum_time(float(few.mean()) - drift, variance, limit) > 100.0 * true
+
+
+def test_few_climbs_tell_nothing() -> None:
+    """Not of how rare higher ones are; nor do none."""
+    height = np.tile([0.0, 1.0], 2 * HIGHEST - 1)
+    assert climb_time([height], 2.0) == FARTHEST
+    assert climb_time([np.zeros(50)], 2.0) == FARTHEST
+    assert climb_time([height, height], 1.0) == pytest.approx(len(height) * 2 / HIGHEST)
 
 
 def test_a_mean_makes_it_climb_straight() -> None:
