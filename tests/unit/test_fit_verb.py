@@ -89,6 +89,16 @@ def test_a_narrow_prior_does_not_hold_what_the_data_contradict(rows: int, model:
     assert found["widened"]["L"] > 5.0
 
 
+@pytest.mark.parametrize(("rows", "told"), [(25, True), (60, False)])
+def test_few_samples_are_called_few(
+    rows: int, told: bool, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What so few say of so many values is little, whatever its standard deviations are."""
+    recording = write_current(tmp_path / "a.csv", rows=rows)
+    assert main(["fit", str(model), str(recording), "-o", str(tmp_path / "new.yaml")]) == DONE
+    assert (f"{rows} samples for " in capsys.readouterr().out) is told
+
+
 @pytest.mark.parametrize(("prior", "told"), [("widened", True), ("none", False)])
 def test_accuracies_that_do_not_count_are_not_called_wrong(
     prior: str, told: bool, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -33,6 +33,7 @@ from faultbond.fit.imperfections import (
     law_signals,
     laws_of_signals,
     parameter_name,
+    possible,
     with_imperfections,
 )
 from faultbond.fit.innovations import Variant
@@ -545,6 +546,27 @@ def test_an_offset_has_to_foretell_better(gains: tuple[float, float], kept: str 
     if kept is None:
         assert centred(cast("Search", search), stand) is None
         assert len(asked) == 2
+
+
+def test_a_temperature_has_no_error_that_is_a_part_of_it() -> None:
+    """3 % of 20 degC are 9 K or 0.6 K by where the scale begins; a heat flow begins at nothing."""
+    room = parse_model("""
+name: room
+sample_time: 5 s
+inputs: {heat: {unit: W}, t_out: {unit: degC}}
+components:
+  burner: {type: Sf, law: f = heat}
+  air: {type: C, law: q = Cm*e, parameters: {Cm: 1 MJ/K}}
+  walls: {type: R, law: f = UW*e, parameters: {UW: 150 W/K}}
+  outside: {type: Se, law: e = t_out}
+junctions: {inside: 0, wall: 1}
+bonds: [burner -> inside -> air, inside -> wall, wall -> walls, wall -> outside]
+sensors: {T: {reads: inside.e, unit: degC, noise: 0.1 K}}
+""")
+    found = {(item.kind, item.place) for item in possible(room, ("outside.e", "walls.f"))}
+    assert (Kind.ABSOLUTE, "outside.e") in found
+    assert (Kind.RELATIVE, "walls.f") in found
+    assert (Kind.RELATIVE, "outside.e") not in found
 
 
 def test_an_offset_stands_in_the_law_as_it_is_written() -> None:
