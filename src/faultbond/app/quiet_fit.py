@@ -34,6 +34,7 @@ LEAST = 60  # samples of a part of the recordings
 SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a standard error or so
 PATIENCE = 60.0  # s of a processor for the smallest faults of a model; usual plants take 2 to 10
 SPARE = 1.05  # times what it takes: a wider accuracy lets a parameter move a little farther
+LOWERED = (1.0, 0.5)  # parts of the way to what recordings say of slow errors, as ratios, that are tried
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 
 Smallest = tuple[SmallestFault, ...]
@@ -268,10 +269,24 @@ def _attempt(
 
 
 def lowered_if_quiet(attempt: Attempt, tell: Tell) -> Attempt:
-    """Declare slow errors as small as the recordings say, where a quiet model stays so: faults hide behind them."""
-    text, lowered = lowered_text(attempt.text, attempt.graph, attempt.fitted.noises)
-    if not (attempt.quiet and lowered):
+    """Declare slow errors as small as the recordings say, where a quiet model stays so: faults hide behind them.
+
+    Where it does not, half of that way is tried, as a ratio.
+    """
+    if not attempt.quiet:
         return attempt
+    for part in LOWERED:
+        smaller = _lowered(attempt, part, tell)
+        if smaller is None or smaller.quiet:
+            return smaller or attempt
+    return attempt
+
+
+def _lowered(attempt: Attempt, part: float, tell: Tell) -> Attempt | None:
+    """Put a model on trial with slow errors that are smaller by a part of what the recordings say; None: none is."""
+    text, lowered = lowered_text(attempt.text, attempt.graph, attempt.fitted.noises, part)
+    if not lowered:
+        return None
     tell(f"declaring smaller: {', '.join(item.what for item in lowered)}")
     graph = parse_model(text, file=attempt.graph.file)
     changes = healthy_changes(build_watcher(graph), attempt.records)
@@ -279,7 +294,7 @@ def lowered_if_quiet(attempt: Attempt, tell: Tell) -> Attempt:
     text, fitted = fitted.with_healthy_changes(text, graph), replace(fitted, graph=attempt.fitted.graph)
     read = [(item.name, item.points) for item in attempt.records]
     smaller = widened(replace(put_on_trial(text, fitted, read, tell), widened=attempt.widened), tell)
-    return replace(smaller, lowered=lowered) if smaller.quiet else attempt
+    return replace(smaller, lowered=lowered)
 
 
 def apart_if_quieter(attempt: Attempt, text: str, tell: Tell) -> Attempt:

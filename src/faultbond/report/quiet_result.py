@@ -172,14 +172,16 @@ def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tup
     return text, tuple(item for item in told if item.times != 1.0)
 
 
-def lowered_text(text: str, graph: BondGraph, noises: Sequence[NoiseFound]) -> tuple[str, tuple[Resized, ...]]:
+def lowered_text(
+    text: str, graph: BondGraph, noises: Sequence[NoiseFound], part: float = 1.0
+) -> tuple[str, tuple[Resized, ...]]:
     """Give a model text with slow errors no larger than the recordings tell, and which became smaller.
 
-    One that grows after inputs stays as it is declared.
+    One that grows after inputs stays as it is declared. Others go a part of that way, as a ratio: of 1/4 half is 1/2.
     """
     sizes, told = [], []
     for item in noises:
-        times = item.at_most / item.declared
+        times = (item.at_most / item.declared) ** part
         if isinstance(item.of, SlowError) and times < SMALLER and not item.of.after:
             sizes.append(NewSize(name=item.name, times=times, kind=item.of.kind))
             told.append(Resized(what=item.of.words, times=times))
