@@ -108,10 +108,18 @@ static void begin_misfit(Bank *bank, int64_t index)
             }
 }
 
+/* Whether what has once contradicted a lane does so from then on. A fault that comes and goes is always right while it is
+   gone; and a sensor that scatters has room for whatever is off for a while only, as after each move of an actuator that
+   has become slow. */
+static int stays_contradicted(int lane)
+{
+    const int slot = lane - N_STEPS;
+    return slot >= 0 && slot < N_SLOT_LANES && (slot >= SWITCHED || SLOT_KIND[slot] == KIND_NOISE);
+}
+
 /* Take the innovations [2 * N_OUTPUTS][N_LANES] of all lanes into their sums. A model that explains the plant has white
    innovations, whatever it is a model of: a lane whose sums cross the limit that raises alarms is contradicted by the
-   data. A fault that comes and goes is always right while it is gone; so what has once contradicted it does so from then
-   on. */
+   data. */
 static void add_misfit(Bank *bank, const Inputs *inputs, const double *packed, double (*innovations)[FB_ROOM(N_LANES)],
                        int64_t index)
 {
@@ -123,7 +131,7 @@ static void add_misfit(Bank *bank, const Inputs *inputs, const double *packed, d
             for (int side = 0; side < 2; side++) {
                 const double before = bank->sums[side][j][lane];
                 double sum = counts ? positive(before + ((side ? -score : score) - CUSUM_DRIFT)) : before;
-                if (lane >= N_STEPS + SWITCHED && lane < N_STEPS + N_SLOT_LANES && before > CUSUM_LIMIT) sum = fmax(sum, before);
+                if (stays_contradicted(lane) && before > CUSUM_LIMIT) sum = fmax(sum, before);
                 bank->sums[side][j][lane] = sum;
                 if (sum <= 0.0) bank->since[side][j][lane] = (double)index;
             }

@@ -8,6 +8,7 @@ from faultbond.arrays import FloatArray
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import EngineSpec
 from faultbond.synthesis.compile import find_compiler
+from faultbond.types import FaultKind
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 CALLS = """
@@ -121,11 +122,15 @@ def test_lanes_begun_again_have_empty_sums() -> None:
 
 
 def test_what_comes_and_goes_stays_contradicted() -> None:
-    """A sum that has crossed the limit does not fall again in lanes that come and go; below the limit it does."""
+    """A sum above the limit does not fall again in lanes that come and go or scatter; below the limit it does."""
     core, n = begun(0)
     settings, plan = core.spec.thresholds, plan_slots(core.spec)
     pairs = n - (plan.n_lanes - plan.switched)
     assert 0 < pairs < n - 1
+    first = n - plan.n_lanes
+    scatters = [first + k for k, item in enumerate(plan.lanes) if item.kind is FaultKind.NOISE]
+    falls = sorted({*range(pairs)} - {*scatters})
+    assert 0 < len(scatters) < len(falls)
     quiet = np.repeat([[0.0], [0.0], [1.0], [1.0]], n, axis=1)
     rows = int(settings.cusum_limit / (settings.cusum_clip - settings.cusum_drift)) + 2
     for index in range(rows):
@@ -133,13 +138,14 @@ def test_what_comes_and_goes_stays_contradicted() -> None:
         wild[:N_Y] = 9.0
         wild[:N_Y, -1] *= float(index < 3)  # the last lane is contradicted for three samples only
         add(core, index, packed(core.spec), wild)
-    peak = sums(core)[0][0, :, pairs].copy()
+    peak = sums(core)[0][0, :, pairs][:, None].copy()
     assert peak.min() > settings.cusum_limit
     for index in range(rows, rows + 400):
         add(core, index, packed(core.spec), quiet)
     now, _ = sums(core)
-    assert np.all(now[0, :, :pairs] == 0.0)
-    assert np.array_equal(now[0, :, pairs:-1], np.repeat(peak[:, None], n - pairs - 1, axis=1))
+    assert np.all(now[0][:, falls] == 0.0)
+    assert np.all(now[0, :, pairs:-1] == peak)
+    assert np.all(now[0][:, scatters] == peak)
     assert np.all(now[0, :, -1] == 0.0)
 
 
