@@ -73,9 +73,7 @@ class ParameterSpec:
     least: float = -inf  # what a fault may do, in factors; the filters let estimates scatter from lower to upper
     most: float = inf
     healthy_change: float = 0.0  # in factors; 0: not known
-    settling: float = (
-        0.0  # seconds: the longest of the inputs which a sensor feels at once that feels this at once, too
-    )
+    settling: float = 0.0  # seconds, of inputs that a sensor feels at once which feels this at once, too; the longest
 
     @property
     def healthy(self) -> float:
