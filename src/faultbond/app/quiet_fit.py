@@ -34,7 +34,7 @@ LEAST = 60  # samples of a part of the recordings
 SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a standard error or so
 PATIENCE = 60.0  # s of a processor for the smallest faults of a model; usual plants take 2 to 10
 SPARE = 1.05  # times what it takes: a wider accuracy lets a parameter move a little farther
-LOWERED = (1.0, 0.5)  # parts of the way to what recordings say of slow errors, as ratios, that are tried
+LOWERED = (1.0, 0.5, 0.25)  # parts of the way to what recordings say of slow errors, as ratios, that are tried
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 
 Smallest = tuple[SmallestFault, ...]
@@ -271,7 +271,7 @@ def _attempt(
 def lowered_if_quiet(attempt: Attempt, tell: Tell) -> Attempt:
     """Declare slow errors as small as the recordings say, where a quiet model stays so: faults hide behind them.
 
-    Where it does not, half of that way is tried, as a ratio.
+    Where it does not, half of that way is tried, and a quarter, as ratios.
     """
     if not attempt.quiet:
         return attempt
