@@ -10,7 +10,7 @@ from bare_core import CELL
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.arrays import FloatArray
 from faultbond.contract.samples import Sample
-from faultbond.contract.spec import Thresholds
+from faultbond.contract.spec import EngineSpec, Thresholds
 from faultbond.equations.plant import build_plant
 from faultbond.fit.certainty import long_run_variance
 from faultbond.fit.cusum import LAGS, added, no_sums
@@ -188,27 +188,41 @@ def test_a_burst_of_scatter_is_an_alarm_on_trial_too() -> None:
     assert pressure.between > 1200.0
 
 
+def seen_of(spec: EngineSpec, scores: FloatArray, height: FloatArray) -> Watch:
+    """What the detector would have seen of scores and heights, (N, n_outputs) each."""
+    nothing = np.zeros_like(scores)
+    return Watch(
+        scores=scores,
+        climbs=np.array([nothing, nothing, nothing]),
+        height=height,
+        slow=np.zeros((len(scores), len(spec.slow_errors))),
+        walk=0.0,
+        walker=-1,
+        strayed=np.zeros(len(spec.parameters)),
+        alone=scores,
+        ways=np.zeros((len(spec.outputs), len(spec.inputs))),
+    )
+
+
 def test_the_time_of_a_sensor_is_that_of_its_scatter_too() -> None:
     """Scores that only scatter, whose sums therefore stay low, alarm as often as that of the scatter."""
     built = build_engine(load_model(example("tank") / "model.yaml"))[0]
     noise = np.random.default_rng(3).standard_normal((4001, len(built.outputs)))
     scores = 1.3 * np.diff(noise, axis=0)
-    nothing = np.zeros_like(scores)
-    slow = np.zeros((len(scores), len(built.slow_errors)))
-    seen = Watch(
-        scores=scores,
-        climbs=np.array([nothing, nothing, nothing]),
-        height=nothing,
-        slow=slow,
-        walk=0.0,
-        walker=-1,
-        strayed=np.zeros(len(built.parameters)),
-        alone=scores,
-        ways=np.zeros((len(built.outputs), len(built.inputs))),
-    )
-    rate = alarm_rates(built, [seen], 2.0)[0]
+    rate = alarm_rates(built, [seen_of(built, scores, np.zeros_like(scores))], 2.0)[0]
     told = max(scatter_time(built.thresholds, [scores[:, 0]], lag) for lag in range(1, LAGS + 1))
     assert rate.between == pytest.approx(2.0 * told, rel=0.01)
+
+
+def test_the_time_of_a_sensor_is_that_of_its_highest_climbs_too() -> None:
+    """Of scores that are small but for bursts; of all recordings together."""
+    built = build_engine(load_model(example("tank") / "model.yaml"))[0]
+    drift, limit = built.thresholds.cusum_drift, built.thresholds.cusum_limit
+    scores = np.column_stack([bursts(6000, np.random.default_rng(k)) for k in range(len(built.outputs))])
+    heights = np.column_stack([climbs(item, drift) for item in scores.T])
+    found = alarm_rates(built, [seen_of(built, scores[:n], heights[:n]) for n in (6000, 4000)], 2.0)
+    told = [climb_time([item[:6000], item[:4000]], limit) for item in heights.T]
+    assert [item.between for item in found[: len(told)]] == pytest.approx([2.0 * time for time in told])
 
 
 def test_gains_that_hardly_fall() -> None:
