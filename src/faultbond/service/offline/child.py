@@ -15,7 +15,10 @@ PACKAGES = Path(__file__).parents[3]  # where this package is, beside those that
 CONFINED = Path(__file__).with_name("confined.py")
 OPEN_FILES = 256
 MERCY = 5  # s of a processor between the signal of its limit and the end
-PASSED = ("PATH", "CC", "LD_LIBRARY_PATH", "FAULTBOND_HASTY")  # of the environment; no password is among them
+PASSED = (  # of the environment; no password is among them
+    *("PATH", "CC", "LD_LIBRARY_PATH", "FAULTBOND_HASTY"),
+    *("OPENBLAS_CORETYPE", "OPENBLAS_L2_SIZE"),  # last digits go by them: drawings are laid out as by the command line
+)
 WORDS, ERRORS = "words.txt", "errors.txt"  # what it says on standard output, and on standard error
 
 

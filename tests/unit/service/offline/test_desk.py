@@ -276,6 +276,8 @@ def test_a_child_knows_little(bench: Made, monkeypatch: pytest.MonkeyPatch) -> N
         "LANG",
         "CC",
         "LD_LIBRARY_PATH",
+        "OPENBLAS_CORETYPE",
+        "OPENBLAS_L2_SIZE",
         "FAULTBOND_HASTY",
         "FAULTBOND_CACHE",
         "PYTHONPATH",
