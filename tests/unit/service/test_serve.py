@@ -135,13 +135,13 @@ def test_a_disk_that_others_fill(tmp_path: Path) -> None:
             assert "The service begins once it can be used" in process.stderr.readline()
             for name in ("ballast", "more", "rest"):
                 (disk / name).unlink()
-            until(port, lambda found: found["samples"] >= 2390 and not told(""))
+            until(port, lambda found: found["samples"] >= ALL and not told(""))
             assert (disk / "kept.sqlite.reserve").stat().st_size == DEFAULT_SIZE
             process.send_signal(signal.SIGTERM)
             process.communicate(timeout=LONGEST)
         kept = open_store(disk / "kept.sqlite", writes=False)
         times = [time for block in kept.log_after("rlc", 0, 0) if isinstance(block, RowBlock) for time in block.time]
-        assert (len(times), len(set(times))) == (2400, 2400)
+        assert (len(times), len(set(times))) == (ALL, ALL)
         kept.close()
 
 
