@@ -1,11 +1,12 @@
 """What is said against a verdict, or beside it: why no candidate is claimed, how sure the best is, what else may be."""
 
 import math
+from collections.abc import Iterator
 
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.findings import Detection, Diagnosis, History, Unexplained
-from faultbond.model.graph import BondGraph
-from faultbond.report.numbers import certainty_text, clock_text, figure, probability_text, with_noun
+from faultbond.model.graph import BondGraph, Input
+from faultbond.report.numbers import certainty_text, clock_text, figure, join, probability_text, with_noun
 from faultbond.report.suspects import cure_of_walk
 from faultbond.types import TimeGrid
 
@@ -20,7 +21,7 @@ def reason_for_none(graph: BondGraph, diagnosis: Diagnosis, began: Detection) ->
         told = f"Most likely the model is off: {name}, which counts as healthy, had to move too far, {sure}."
         return f"{told} {cure_of_walk(graph, name)}"
     if diagnosis.unexplained is not None:
-        return unexplained_sentence(diagnosis.unexplained) + _not_asked(graph)
+        return " ".join([unexplained_sentence(diagnosis.unexplained), *_not_asked(graph)])
     if diagnosis.within_accuracy <= diagnosis.candidates[0].probability:
         return ""
     sure = certainty_text(diagnosis.within_accuracy)
@@ -37,12 +38,20 @@ def unexplained_sentence(found: Unexplained) -> str:
     )
 
 
-def _not_asked(graph: BondGraph) -> str:
-    """Say that what no candidate explains may be more faults at once than the model lets be; empty where it cannot."""
-    if not _could_be_more(graph):
-        return ""
-    many = "one fault at once was" if graph.max_faults == 1 else f"{graph.max_faults} faults at once were"
-    return f" More than {many} not tested (`max_faults: {graph.max_faults}`)."
+def _not_asked(graph: BondGraph) -> Iterator[str]:
+    """Say what was not tested and may explain the data: more faults at once, an actuator that has become slow."""
+    if _could_be_more(graph):
+        many = "one fault at once was" if graph.max_faults == 1 else f"{graph.max_faults} faults at once were"
+        yield f"More than {many} not tested (`max_faults: {graph.max_faults}`)."
+    slow = [item.name for item in graph.inputs if item.suspect and _may_be_slow(graph, item)]
+    if slow:
+        has = "has" if len(slow) == 1 else "have"
+        yield f"It was not tested whether {join(slow)} {has} become slower to act (`lag` with `suspect: yes`)."
+
+
+def _may_be_slow(graph: BondGraph, item: Input) -> bool:
+    """Whether an input takes a while to act, and that it takes longer is no hypothesis."""
+    return not graph.parameter(item.lag).suspect if item.lag else item.settling > 0.0
 
 
 def certainty(graph: BondGraph, diagnosis: Diagnosis) -> str:

@@ -7,7 +7,9 @@ import pytest
 
 from fake import counts_of, kind_of, moving, suspect, tank_graph, tank_history, with_last, wrong
 from faultbond.contract.findings import Candidate, Diagnosis, History, Suspect, Unexplained, Walk
+from faultbond.io.examples import example
 from faultbond.model.graph import BondGraph, Unit
+from faultbond.model.text import parse_model
 from faultbond.report.numbers import Notation
 from faultbond.report.reservations import course_sentences
 from faultbond.report.suspects import UNDETERMINED, unit_of
@@ -82,6 +84,33 @@ def test_what_none_explains_may_be_more_than_was_tested(history: History) -> Non
     for most, words in ((1, "one fault at once was"), (2, "2 faults at once were")):
         told = verdict_sentence(replace(GRAPH, max_faults=most), last, counts, Notation.FILE)
         assert f" More than {words} not tested (`max_faults: {most}`). Nearest comes" in told
+
+
+@pytest.mark.parametrize(
+    ("u_in", "u_out", "told"),
+    [
+        ("settling: 12 s", "settling: 12 s", "It was not tested whether u_in and u_out have become slower to act ("),
+        (
+            "lag: 3 s",
+            "suspect: yes",
+            "It was not tested whether u_in has become slower to act (`lag` with",
+        ),
+        ("lag: {value: 3 s, suspect: yes}", "suspect: yes", ""),
+        ("lag: 3 s, suspect: no", "settling: 12 s, suspect: no", ""),
+    ],
+)
+def test_what_none_explains_may_be_an_actuator_that_is_slow(u_in: str, u_out: str, told: str, history: History) -> None:
+    """Of inputs that take a while to act and may be at fault, where their lag is no suspect."""
+    text = (example("tank") / "model.yaml").read_text(encoding="utf-8")
+    text = text.replace("u_in:  {unit: percent, settling: 12 s}", f"u_in: {{unit: percent, {u_in}}}")
+    graph = parse_model(text.replace("u_out: {unit: percent, settling: 12 s}", f"u_out: {{unit: percent, {u_out}}}"))
+    best = kind_of(suspect(graph, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.993)
+    last = with_last(history, (best,))
+    off = Unexplained(signal="flow", since=7.0, until=7.0, sd=5.0)
+    last = replace(last, diagnoses=(replace(last.diagnoses[-1], unexplained=off),))
+    found = verdict_sentence(graph, last, RunCounts(samples=9), Notation.FILE)
+    assert told in found
+    assert ("slower to act" in found) is bool(told)
 
 
 def test_a_clock_that_was_set_back_gives_no_time_below_none(history: History) -> None:
