@@ -6,8 +6,18 @@
 #include <stdint.h>
 #include <string.h>
 
+/* 1, 2, 4 or 8: as many as a register of the processor holds. Of a number that takes two registers gcc keeps most in memory, and
+   takes twice to four times as long; see docs/decisions/017-core-in-loops.md. */
 #ifndef FB_LANES
-#define FB_LANES 8 /* 1, 2, 4 or 8 */
+#if !defined(__GNUC__)
+#define FB_LANES 1
+#elif defined(__AVX512F__)
+#define FB_LANES 8
+#elif defined(__AVX__)
+#define FB_LANES 4
+#else
+#define FB_LANES 2
+#endif
 #endif
 
 /* The filters take half the time of a compiler, and nearly all of that of a run. Where FB_APART is defined they are a text of

@@ -11,12 +11,12 @@ from faultbond.arrays import FloatArray
 from faultbond.errors import GenerationError
 from faultbond.fit.likelihood import Advanced
 
-_LANES = 8  # filters per call of the compiled step
+_LANES = 8  # of a call, or some times as many: all widths of the compiled step divide it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompiledLikelihood:
-    """Filters of a likelihood as compiled C, eight lanes at a time."""
+    """Filters of a likelihood as compiled C, several lanes at a time."""
 
     library: ctypes.CDLL
     n_seen: int

@@ -2,8 +2,8 @@
 
 The same extended Kalman filter as that of the engine, but for states, slow errors and input noise alone: parameters
 and sizes of noise are given. Each lane carries a direction in which the unknowns move, and how everything follows it:
-exact derivatives (forward automatic differentiation), one direction a lane, eight lanes at a time. The filter itself is
-the same for all, and runs once.
+exact derivatives (forward automatic differentiation), one direction a lane, several lanes at a time. The filter itself
+is the same for all, and runs once.
 
 Source: Ljung, System Identification, 2nd ed. 1999, sections 7.2 to 7.4 (prediction errors, maximum likelihood).
 """

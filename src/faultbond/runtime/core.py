@@ -19,7 +19,7 @@ from faultbond.contract.spec import EngineSpec
 from faultbond.errors import GenerationError
 from faultbond.types import CheckKind, FaultKind
 
-LANES = 8  # filters side by side in a compiled core
+LANES = 8  # of a call, or some times as many: all widths of a compiled core divide it
 _LINE = 64  # bytes of a cache line, at which memory for a core begins
 _INT, _REAL = "<i8", "<f8"
 
@@ -50,7 +50,7 @@ class Core:
     @property
     def title(self) -> str:
         """What it is, in words."""
-        return f"compiled C, {LANES} lanes ({self.compiler})"
+        return f"compiled C ({self.compiler})"
 
     @cached_property
     def slot(self) -> "Core":

@@ -1,7 +1,7 @@
-"""C text of a graph: one statement per operation, eight lanes at a time.
+"""C text of a graph: one statement per operation, several lanes at a time.
 
-Values that no lane moves stay scalars, the rest are vectors of eight doubles (GCC and Clang vector extension), so the
-same text runs eight hypotheses, eight assets, or eight slopes, per call. In a filter the scalars are computed once for
+Values that no lane moves stay scalars, the rest are vectors of doubles (GCC and Clang vector extension), so the
+same text runs several hypotheses, assets, or slopes, per call. In a filter the scalars are computed once for
 all lanes.
 """
 

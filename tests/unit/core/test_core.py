@@ -1,5 +1,6 @@
 """The core in C: any compiler takes it without a word, and however many lanes it computes at a time, digits agree."""
 
+import platform
 import re
 import shutil
 import subprocess
@@ -77,6 +78,16 @@ def test_no_compiler_has_a_word_to_say(name: str, language: str, width: int, tmp
     read = written if "zig" in language else ("-fsyntax-only",)
     flags = (*(("-O1", "-S") if once else read), f"-DFB_LANES={width}", "-march=native")
     compiled_once(text_of(name)[1], tmp_path / "core.s", [*LANGUAGES[language], *WARNINGS, *flags, f"-I{CORE}"])
+
+
+@needs_gcc
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="its options are of this processor")
+@pytest.mark.parametrize(("option", "width"), [("-mno-avx", 2), ("-mavx2", 4), ("-mavx512f", 8)])
+def test_lanes_are_as_many_as_a_register_holds(option: str, width: int) -> None:
+    """Registers of 128, 256 and 512 bits hold 2, 4 and 8 of them."""
+    command = ["gcc", "-march=x86-64", option, "-dM", "-E", str(CORE / "port.h")]
+    told = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert f"#define FB_LANES {width}\n" in told.stdout
 
 
 @needs_gcc
