@@ -710,6 +710,24 @@ class Interrupt:
             return begun(*words)
 
         monkeypatch.setattr(objective, "_begun", counted)
+        self._patch = monkeypatch
+
+    def armed_at(self, what: str) -> list[str]:
+        """Arm it where this is told; gives all that is told."""
+        told, tell = list[str](), identification._lines
+
+        def heard(silent: float) -> Callable[[str], None]:
+            line = tell(silent)
+
+            def take(text: str) -> None:
+                self.armed = self.armed or text == what
+                told.append(text)
+                line(text)
+
+            return take
+
+        self._patch.setattr(identification, "_lines", heard)
+        return told
 
 
 @pytest.fixture
@@ -726,19 +744,8 @@ def test_a_signal_while_all_recordings_are_fitted_ends_that(
 
     How far the climb was is told as its steps, not in the records, and on no terminal once a minute at most.
     """
-    interrupt, told, tell = Interrupt(monkeypatch, 20), list[str](), identification._lines
-
-    def heard(silent: float) -> Callable[[str], None]:
-        line = tell(silent)
-
-        def take(text: str) -> None:
-            interrupt.armed = interrupt.armed or text == "fitting all recordings"
-            told.append(text)
-            line(text)
-
-        return take
-
-    monkeypatch.setattr(identification, "_lines", heard)
+    interrupt = Interrupt(monkeypatch, 20)
+    told = interrupt.armed_at("fitting all recordings")
     target = tmp_path / "records.jsonl"
     assert main([*lagging, "--json", str(target)]) == 128 + signal.SIGTERM
     assert (interrupt.number <= 0, interrupt.after) == (True, 0)
@@ -786,8 +793,32 @@ def test_a_signal_in_the_first_fit_leaves_nothing(
     assert main([*lagging, "--json", str(tmp_path / "records.jsonl")]) == 128 + signal.SIGTERM
     assert interrupt.after == 0
     last = capsys.readouterr().err.splitlines()[-1]
-    assert last == "faultbond: stopped before the first fit has ended: nothing was found, and nothing is written."
+    assert last == "faultbond: stopped before the first climb has ended: nothing was found, and nothing is written."
     assert not {"quiet.yaml", "records.jsonl"} & {path.name for path in tmp_path.iterdir()}
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+@pytest.mark.parametrize("what", ["start 2 of 3", "weighing the declared accuracies"])
+def test_a_signal_once_a_climb_has_ended_keeps_what_that_found(
+    what: str,
+    quiet: bool,
+    model: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The best of the starts by then is written, with or without `--until-quiet`, and told to be unfinished."""
+    Interrupt(monkeypatch, 3).armed_at(what)
+    made = [write(tmp_path / f"{seed}.csv", seed=seed) for seed in (1, 2)]
+    output, target = tmp_path / "found.yaml", tmp_path / "records.jsonl"
+    words = ["fit", *map(str, (model, *made)), "--starts", "3", "-o", str(output), "--json", str(target)]
+    assert main([*words, *(["--until-quiet"] if quiet else [])]) == 128 + signal.SIGTERM
+    fitted = json.loads(target.read_text(encoding="utf-8").splitlines()[0])
+    whole = 2 if quiet else 3  # until quiet two starts that agree are enough
+    assert (fitted["settled"], fitted["starts"]) == (False, 1 if what.startswith("start") else whole)
+    assert load_model(output).parameter("R").nominal == pytest.approx(R, rel=0.02)
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said == f"faultbond: stopped: the model as it was found by then is in {output}."
 
 
 @pytest.mark.parametrize("name", ["_raised", "_smallest"])

@@ -17,7 +17,7 @@ from faultbond.app.model_check import write
 from faultbond.app.presence import silent_of
 from faultbond.app.rows import no_time, pace_of, sample_of, texts_of
 from faultbond.app.section import Section
-from faultbond.app.signals import SIGNALLED, Stopped
+from faultbond.app.signals import SIGNALLED, Stopped, stop_of
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.contract.silence import INPUT, SENSOR, seconds
@@ -45,12 +45,13 @@ def _silent(_: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Identified:
-    """A model that was fitted. text: of the model file with what was found."""
+    """A model that was fitted. text: of the model file with what was found; stopped: the signal that ended it early."""
 
     graph: BondGraph
     fitted: Any
     quieted: Any
     text: str
+    stopped: int | None = None
 
     def records(self, output: Path | None = None) -> list[dict[str, object]]:
         """Give the records; `output` is the model file that was written."""
@@ -94,7 +95,7 @@ def fit(
         with _waiting(long=wishes.until_quiet) as status:
             found = identified(model, recordings, wishes=wishes, tell=status, warn=out.warn)
     except Stopped:
-        out.warn("stopped before the first fit has ended: nothing was found, and nothing is written.")
+        out.warn("stopped before the first climb has ended: nothing was found, and nothing is written.")
         raise
     refused: OSError | None = None
     try:
@@ -113,12 +114,11 @@ def fit(
         out.say(f"Report: {report}")
     if refused is not None:
         raise refused
-    stopped: int | None = None if found.quieted is None else found.quieted.stopped
-    if stopped is None:
+    if found.stopped is None:
         return 0
     where = f"is in {output}" if output is not None else "is told, and in no file"
     out.warn(f"stopped: the model as it was found by then {where}.")
-    return SIGNALLED + stopped
+    return SIGNALLED + found.stopped
 
 
 def identified(
@@ -146,18 +146,21 @@ def identified(
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
 
     with threadpool_limits(1):  # matrices are small here, and threads would only wait
-        quieted = _quieted(document.text, graph, read, wishes, tell) if wishes.until_quiet else None
-        fitted = _fitted(graph, read, wishes, tell) if quieted is None else quieted.fitted
-    text = fitted.model_text(document.text) if quieted is None else quieted.text
-    return Identified(graph=graph, fitted=fitted, quieted=quieted, text=text)
+        if wishes.until_quiet:
+            quieted = _quieted(document.text, graph, read, wishes, tell)
+            kept = {"fitted": quieted.fitted, "text": quieted.text, "stopped": quieted.stopped}
+            return Identified(graph=graph, quieted=quieted, **kept)
+        fitted, stopped = _fitted(graph, read, wishes, tell)
+    text = fitted.model_text(document.text)
+    return Identified(graph=graph, fitted=fitted, quieted=None, text=text, stopped=stopped)
 
 
 def _fitted(
     graph: BondGraph, read: tuple[tuple[str, list[Sample]], ...], wishes: FitWishes, tell: Callable[[str], None]
-) -> Any:
-    """Fit a model as it stands."""
+) -> tuple[Any, int | None]:
+    """Fit a model as it stands; give what was found, and the signal that ended it, if one did."""
     from faultbond.fit.healthy_changes import healthy_changes  # noqa: PLC0415 - loads scipy
-    from faultbond.fit.identification import Prior, fit_plant  # noqa: PLC0415 - loads casadi and scipy
+    from faultbond.fit.identification import Halted, Prior, fit_plant  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.fit.session import build_fit, free_parameters  # noqa: PLC0415 - loads casadi
     from faultbond.fit.wander import wanders_of  # noqa: PLC0415 - loads casadi
     from faultbond.report.fit_result import fitted_model  # noqa: PLC0415 - loads rich
@@ -169,10 +172,16 @@ def _fitted(
     likelihood = likelihood_engine(step_model)
     plant, records, begin = build_fit(step_model, likelihood, core, read, parameters, wishes.own)
     prior = Prior(wishes.prior)
-    found = fit_plant(plant, records, begin, prior=prior, starts=wishes.starts, seed=wishes.seed, tell=tell)
+    try:
+        found = fit_plant(plant, records, begin, prior=prior, starts=wishes.starts, seed=wishes.seed, tell=tell)
+    except Halted as halted:
+        asked_to = stop_of(halted)
+        if asked_to is None:
+            raise
+        return fitted_model(graph, halted.fit(), core.spec.version), asked_to.number
     fitted = fitted_model(graph, found, core.spec.version, wanders_of(graph, found, likelihood_engine, tell))
     tell("asking how far parameters seem to move while healthy")
-    return replace(fitted, healthy_changes=healthy_changes(core, found.records, fitted.believed))
+    return replace(fitted, healthy_changes=healthy_changes(core, found.records, fitted.believed)), None
 
 
 def _quieted(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
 from faultbond.app.engine import build_watcher
 from faultbond.app.likelihood import likelihood_engine
-from faultbond.app.signals import Stopped
+from faultbond.app.signals import stop_of
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
@@ -15,7 +15,7 @@ from faultbond.fit.cure import cured, strayed
 from faultbond.fit.foothold import Footing, as_found, values_of
 from faultbond.fit.healthy_changes import healthy_changes
 from faultbond.fit.held_back import Recordings, parted
-from faultbond.fit.identification import Prior, fit_plant
+from faultbond.fit.identification import Fit, Halted, Prior, fit_plant
 from faultbond.fit.offset import centred
 from faultbond.fit.quiet_search import ROUNDS, Search, Tell
 from faultbond.fit.samples import HealthyRecording, healthy_recording
@@ -74,14 +74,17 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
     NoVerdictError
         Where the recordings are too short for a part of them to be held back.
     Stopped
-        Where somebody stops it before the first fit has ended.
+        Where somebody stops it before the first climb has ended.
     """
     steps = _steps(text, graph, read, wishes, tell)
     found = next(steps)
     try:
         for further in steps:
             found = further
-    except Stopped as asked_to:
+    except KeyboardInterrupt as stopped:
+        asked_to = stop_of(stopped)
+        if asked_to is None:
+            raise
         return replace(found, stopped=asked_to.number)
     return found
 
@@ -98,20 +101,28 @@ def _steps(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tel
     parameters = free_parameters(graph, wishes.fixed, wishes.free, wishes.own)
     plant, records, begin = build_fit(model, likelihood, core, fitted, parameters, wishes.own)
     _, records_held, begin_held = build_fit(model, likelihood, core, held, parameters, wishes.own)
-    found = fit_plant(
-        plant,
-        records,
-        begin,
-        prior=Prior(wishes.prior),
-        starts=wishes.starts,
-        agreeing=AGREEING,
-        settled=SETTLED,
-        seed=wishes.seed,
-        tell=tell,
-    )
-    first = fitted_model(graph, found, core.spec.version)
     names = tuple(name for name, _ in held)
-    now = Quieted(fitted=first, text=first.model_text(text), held=names, stated=stated, promise=promise)
+
+    def first(found: Fit) -> Quieted:
+        fitted = fitted_model(graph, found, core.spec.version)
+        return Quieted(fitted=fitted, text=fitted.model_text(text), held=names, stated=stated, promise=promise)
+
+    try:
+        found = fit_plant(
+            plant,
+            records,
+            begin,
+            prior=Prior(wishes.prior),
+            starts=wishes.starts,
+            agreeing=AGREEING,
+            settled=SETTLED,
+            seed=wishes.seed,
+            tell=tell,
+        )
+    except Halted as halted:
+        yield first(halted.fit())
+        raise
+    now = first(found)
     yield now
     tell("putting the first model on trial")
     now = replace(now, before=on_trial(core, (*records, *records_held), promise, factors=()))

@@ -19,6 +19,12 @@ class Stopped(KeyboardInterrupt):
         self.number = number
 
 
+def stop_of(error: BaseException) -> Stopped | None:
+    """Give the signal that is behind an error: itself, or what it was raised from; None where there is none."""
+    told = error if isinstance(error, Stopped) else error.__cause__
+    return told if isinstance(told, Stopped) else None
+
+
 class Stopping:
     """Takes the signals that stop the program while it is entered; one that is ignored, as by `nohup`, stays so.
 

@@ -129,7 +129,7 @@ static inline void judge_window(Healthy *healthy, int window, const real *old, c
 }
 
 /* Judge how far parameter k is from where it started. Its true value lies off by its accuracy, of which it has found the part
-   1 - r, where r of its variance is left; and it walks about that as it is usual. After a diagnosis was accepted only what was
+   1 - r, where r of its variance is left; it walks about that as it is usual, and by what was found of it on healthy data. After a diagnosis was accepted only what was
    known just as declared then (of one that is tied, beside the others) is judged, such as what was repaired: what a lane has found
    may be off by more than it says. */
 static inline void judge_start(Healthy *healthy, int k, flag first, flag counts)
@@ -142,7 +142,8 @@ static inline void judge_start(Healthy *healthy, int k, flag first, flag counts)
     const flag judged = counts & (before > 0.0) & (first | as_declared);
     const real r = left / PICK(judged, before, SAME(1.0)), found = greater(1.0 - r, SAME(WALK_LEAST));
     const real usual = greater(usual_walk(healthy, WALKS - 1, k), SAME(1.0));
-    const real sd = ROOT(PICK(judged, before, SAME(1.0)) * found * (found + usual * r));
+    const double moves = HEALTHY_CHANGE[k] * HEALTHY_CHANGE[k];
+    const real sd = ROOT(PICK(judged, before, SAME(1.0)) * found * (found + usual * r) + moves);
     take_walk(healthy, WALKS, SAME((double)k), SIZE(moved) / (sd * START_LIMIT), judged);
 }
 

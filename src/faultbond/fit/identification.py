@@ -8,9 +8,11 @@ harm, and what the data do not tell stays where it was.
 Source: Ljung 1999, chapter 7 (likelihood of innovations); MacKay, Neural Computation 4 (1992) 415 (width of the prior).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -82,6 +84,25 @@ class Fit:
         return {item.name: float(x) for item, x in zip(parameters, self.widths, strict=True) if x > WIDER}
 
 
+class Reached(NamedTuple):
+    """The best summit, how many starts ended there, and of how many."""
+
+    best: Summit
+    alike: int
+    starts: int
+
+
+class Halted(KeyboardInterrupt):
+    """A fit that was stopped after a climb had ended; `__cause__` is what stopped it.
+
+    fit : gives what was found by then
+    """
+
+    def __init__(self, fit: Callable[[], Fit]) -> None:
+        super().__init__()
+        self.fit = fit
+
+
 def fit_plant(
     plant: FittedPlant,
     records: Sequence[HealthyRecording],
@@ -116,6 +137,8 @@ def fit_plant(
         Where the recordings have no more readings than there are unknowns.
     RecordingError
         Where the plant has no course along the recordings.
+    Halted
+        Where somebody stops it, once the climb from the first start has ended.
     """
     unknown, readings = len(plant.unknowns.places) + plant.n_own * len(records), sum(item.readings for item in records)
     if readings <= unknown:
@@ -123,17 +146,29 @@ def fit_plant(
         raise NoVerdictError(
             f"{names}: {readings} readings can be used, and {unknown} values are to be found; give a longer recording"
         )
-    best, reached, starts = _search(plant, records, begin, starts, agreeing or starts, settled, seed, tell)
-    records, best = _without_wild(plant, records, best, settled, tell)
-    tell("weighing the declared accuracies")
-    told = _steps(tell, "weighing the declared accuracies")
-    best, widths = _weigh(plant, records, begin, best, prior, believed, settled, told)
-    tell("asking how sure they are")
-    return _fit(plant, records, begin, best, prior, np.maximum(widths, 1.0), starts, reached)
+    climbs = _climbs(plant, records, begin, starts, seed, settled, tell)
+    reached = next(climbs)
+    try:
+        for reached in climbs:
+            if reached.alike >= (agreeing or starts):
+                break
+        records, best = _without_wild(plant, records, reached.best, settled, tell)
+        tell("weighing the declared accuracies")
+        told = _steps(tell, "weighing the declared accuracies")
+        best, widths = _weigh(plant, records, begin, best, prior, believed, settled, told)
+        tell("asking how sure they are")
+        return _fit(plant, records, begin, best, prior, np.maximum(widths, 1.0), reached)
+    except KeyboardInterrupt as stopped:
+        raise Halted(partial(fit_at, plant, records, begin, reached.best.point, prior, reached)) from stopped
 
 
 def fit_at(
-    plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint, point: FitPoint, prior: Prior
+    plant: FittedPlant,
+    records: Sequence[HealthyRecording],
+    begin: FitPoint,
+    point: FitPoint,
+    prior: Prior,
+    reached: Reached | None = None,
 ) -> Fit:
     """Give what healthy recordings say of values to which something else has led; nothing is sought.
 
@@ -143,13 +178,14 @@ def fit_at(
     begin : what was known before
     point : the values
     prior : what declared accuracies count for; those to be widened are as wide as the values are away
+    reached : the search that led there; None: none did
     """
     unknowns, n = plant.unknowns, plant.unknowns.n_theta
     away = np.abs(point.values - unknowns.nominal)[:n] / unknowns.prior[:n]
     widest = {Prior.WIDENED: np.clip(away, 1.0, WIDE), Prior.DECLARED: np.ones(n), Prior.NONE: np.full(n, WIDE)}
     widths: FloatArray = widest[prior]
     there = ascend(plant, records, point, unknowns.widened(widths), anchor=begin.starts, turns=0)
-    return _fit(plant, records, begin, there, prior, widths, starts=1, reached=1)
+    return _fit(plant, records, begin, there, prior, widths, reached or Reached(there, 1, 1))
 
 
 def _fit(
@@ -159,8 +195,7 @@ def _fit(
     best: Summit,
     prior: Prior,
     widths: FloatArray,
-    starts: int,
-    reached: int,
+    reached: Reached,
 ) -> Fit:
     """Give all that is asked of a summit."""
     courses, found = _certainty(plant, records, best, widths)
@@ -171,8 +206,8 @@ def _fit(
         certainty=found,
         prior=prior,
         widths=widths,
-        starts=starts,
-        reached=reached,
+        starts=reached.starts,
+        reached=reached.alike,
         before=sum(score_recording(plant, record, begin, r).value for r, record in enumerate(records)),
         courses=courses,
         simulated=tuple(follow_alone(plant, record, best.point, r) for r, record in enumerate(records)),
@@ -204,17 +239,16 @@ def _certainty(
     return courses, certainty_of(best.evaluation.information, full, courses, n, n_theta, unknowns.prior[:n_theta])
 
 
-def _search(
+def _climbs(
     plant: FittedPlant,
     records: Sequence[HealthyRecording],
     begin: FitPoint,
     starts: int,
-    agreeing: int,
-    settled: float,
     seed: int,
+    settled: float,
     tell: Callable[[str], None],
-) -> tuple[Summit, int, int]:
-    """Climb from several starts under a wide prior; give the best summit, how many reached it, and of how many."""
+) -> Iterator[Reached]:
+    """Climb from several starts under a wide prior; give what was reached after each."""
     rng = np.random.default_rng(seed)
     unknowns, summits = plant.unknowns, []
     prior = unknowns.widened(WIDE)
@@ -227,12 +261,11 @@ def _search(
         point = spread_noise(plant, records, point)
         summits.append(ascend(plant, records, point, prior, settled=settled, tell=_steps(tell, start)))
         best = max(summits, key=lambda item: item.posterior)
-        reached = sum(item.posterior > best.posterior - ALIKE for item in summits)
-        if reached >= agreeing:
-            break
+        if np.isfinite(best.posterior):
+            alike = sum(item.posterior > best.posterior - ALIKE for item in summits)
+            yield Reached(best, alike, len(summits))
     if not np.isfinite(best.posterior):
         raise RecordingError(_without_course(plant, records, begin))
-    return best, reached, len(summits)
 
 
 def _without_course(plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint) -> str:

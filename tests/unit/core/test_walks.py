@@ -48,9 +48,9 @@ def lane_of(core: Bare, values: FloatArray, variances: FloatArray) -> FloatArray
     return lane
 
 
-def begun(**clock: int) -> Bare:
+def begun(text: str = CELL, **clock: int) -> Bare:
     """A core that runs since sample 0, whose parameters start at 1 with a variance of 1."""
-    core = bare(CALLS, CELL)
+    core = bare(CALLS, text)
     for name, value in {"begun": 0, "running": 1, **clock}.items():
         core[f"clock.{name}"] = value
     n = len(core.spec.parameters)
@@ -203,6 +203,22 @@ def test_a_constant_that_is_learned_raises_no_alarm() -> None:
     first = next(k for k, (walk, _) in enumerate(found) if walk > 1.0)
     assert first > 200
     assert found[first][1] % len(core.spec.parameters) == 1
+
+
+def test_what_was_found_of_a_parameter_on_healthy_data_is_no_start_that_is_off() -> None:
+    """A value that is off from the start counts in the width of what is known and of what it was found to move by."""
+    moves, off, rows = 0.5, 2.0, 6
+    told = CELL.replace("{R1: 10 ohm}", f"{{R1: {{nominal: 10 ohm, healthy_change: {100.0 * moves} %}}}}")
+    assert told != CELL
+    found = []
+    for text in (CELL, told):
+        core = begun(text)
+        n = len(core.spec.parameters)
+        values, variances = np.ones((rows, n)), np.full((rows, n), 1e-6)
+        values[:, [item.name for item in core.spec.parameters].index("R1")] += off
+        found.append(walked(core, values, variances)[-1][0])
+    assert found[0] == pytest.approx(off / START_LIMIT, rel=1e-4)
+    assert found[1] == pytest.approx(off / sqrt(1.0 + moves**2) / START_LIMIT, rel=1e-4)
 
 
 def test_what_walks_by_nature_is_let_walk() -> None:
