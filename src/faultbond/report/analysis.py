@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from rich.console import Console
 
 from faultbond.analysis.capability import CapabilityView
+from faultbond.analysis.comparison import NO_TIME
 from faultbond.analysis.groups import Group, NearGroup
 from faultbond.analysis.input_advice import Stimulus
 from faultbond.analysis.other_roots import OtherSolutions
@@ -257,7 +258,7 @@ def print_smallest(console: Console, graph: BondGraph, found: Sequence[SmallestF
     rows = []
     for item in found:
         unit, nominal = _unit_of(graph, item.parameter)
-        change, part, effects = "not found", "", item.reason
+        change, part, effects = "not looked for" if item.reason == NO_TIME else "not found", "", item.reason
         if item.value is not None:
             change = figure(unit.difference_from_si(item.value), digits=3).number()
             part = f"{100 * item.value / abs(nominal):.3g} %" if nominal else ""

@@ -8,6 +8,7 @@ import pytest
 from rich.console import Console
 
 from faultbond.analysis.capability import CapabilityView
+from faultbond.analysis.comparison import NO_TIME
 from faultbond.analysis.groups import Group, NearGroup
 from faultbond.analysis.other_roots import OtherSolutions
 from faultbond.analysis.ranks import Rank
@@ -221,12 +222,12 @@ def test_effects_that_rounding_leaves_are_none() -> None:
             reason=reason,
         )
 
-    text = printed(
-        lambda console: print_smallest(console, plant(2), [fault("a0", 0.5), fault("a1", None, "too small")])
-    )
+    found = [fault("a0", 0.5), fault("a1", None, "too small"), fault("a2", None, NO_TIME)]
+    text = printed(lambda console: print_smallest(console, plant(3), found))
     assert "within 60 s, in 95 of 100 cases" in text
     assert "a0 0.5 50 % y 2.5, z 0" in text
     assert "a1 not found too small" in text
+    assert f"a2 not looked for {NO_TIME}" in text
 
 
 def test_nothing_is_said_of_smallest_faults_without_any() -> None:
