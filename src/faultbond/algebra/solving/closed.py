@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from time import monotonic
+from time import thread_time
 
 from sympy.polys.rings import PolyElement
 
@@ -53,7 +53,7 @@ class FormCandidate:
 class FormSearch:
     """What solving one problem in names goes by.
 
-    prefer: whether an expression is positive at the nominal plant. deadline: on the clock of `time.monotonic`.
+    prefer: whether an expression is positive at the nominal plant. deadline: on the clock of `time.thread_time`.
     zeros: parameters that are 0 there. left_out: number of candidates and cases beyond the limit, at least.
     """
 
@@ -105,7 +105,7 @@ def _solve_block(search: FormSearch, block: Block, candidate: FormCandidate) -> 
         if number == MAX_CANDIDATES:
             search.left_out += 1
             break
-        if monotonic() > search.deadline:
+        if thread_time() > search.deadline:
             raise TooLargeError
         try:
             found += _solve_case(search, block, candidate, name_functions(case, unknown, search.fresh))

@@ -11,7 +11,7 @@ Source: thesis 4.4 step 4 (this is the work of REDUCE).
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from time import monotonic
+from time import thread_time
 
 from sympy.polys.rings import PolyElement
 
@@ -95,7 +95,7 @@ def reduce_system(
     polynomials : as many as signals and parameters
     signals, parameters : what is unknown
     space : of the polynomials; its limit on terms counts
-    deadline : on the clock of `time.monotonic`
+    deadline : on the clock of `time.thread_time`
     zeros : known names that may be 0, so that what holds in spite of it is not divided by them if it can be helped
 
     Raises
@@ -111,7 +111,7 @@ def reduce_system(
     work.unknown = [*signals, *parameters]
     work.rows = [_row(work, polynomial) for polynomial in polynomials]
     while len(work.unknown) > 1 or (work.rows and work.rows[0].linear):
-        if monotonic() > deadline:
+        if thread_time() > deadline:
             raise TooLargeError
         choice = _choose(work)
         if choice is not None:
@@ -176,7 +176,7 @@ def _substitute(work: _Work, position: int, name: str) -> None:
 def _put(work: _Work, polynomial: PolyElement, name: str, above: PolyElement, below: PolyElement) -> PolyElement:
     """Give the polynomial with above / below for a name, times a power of below."""
     space = work.space
-    if monotonic() > work.deadline:
+    if thread_time() > work.deadline:
         raise TooLargeError
     parts = by_power(polynomial, name, space)
     top = max(parts)

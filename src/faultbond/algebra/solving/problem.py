@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from math import inf
-from time import monotonic
+from time import thread_time
 
 import numpy as np
 from scipy.linalg.lapack import dgecon, dgetrf
@@ -224,7 +224,7 @@ def trials_of(
     Parameters
     ----------
     network, problem, plant : what is simulated, and for which route
-    deadline : on the clock of `time.monotonic`; records not made by then are left out
+    deadline : on the clock of `time.thread_time`; records not made by then are left out
     """
     unknown = [name for name in problem.unknown if name not in problem.signals]
     found: list[ProofData] = []
@@ -235,7 +235,7 @@ def trials_of(
             nominal = plant.values[name]
             values[name] = nominal * factor if nominal else plant.changes.get(name, Fraction(1)) * (factor - 1)
         for attempt in range(_ATTEMPTS):
-            if monotonic() > deadline and (found or attempt):
+            if thread_time() > deadline and (found or attempt):
                 return tuple(found), best if found else None
             record = _record(network, problem, plant, values, number + attempt)
             fixed = Fixed.NOT if record is None else fixes(problem.residuals, problem.unknown, record.true)

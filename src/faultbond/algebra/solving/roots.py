@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import exp, inf, isfinite
 from random import Random
-from time import monotonic
+from time import thread_time
 
 from faultbond.algebra.solving.backward_euler import misfit, newton
 from faultbond.algebra.solving.branches import (
@@ -83,7 +83,7 @@ def find_roots(problem: Problem, known: Mapping[str, Real], guess: Mapping[str, 
     guess : where Newton's method starts from, for all unknowns, where it is needed
     seconds : after which no further root is looked for
     """
-    walk = _Walk(problem=problem, guess=guess, deadline=monotonic() + seconds)
+    walk = _Walk(problem=problem, guess=guess, deadline=thread_time() + seconds)
     paths: list[Reals] = [{name: _fraction(value) for name, value in known.items() if name not in problem.unknown}]
     total = 1
     for block in problem.blocks:
@@ -130,7 +130,7 @@ def _through(walk: _Walk, block: Block, values: Reals) -> tuple[list[Reals], int
             if number == MAX_PATHS:
                 walk.cut = True
                 break
-            if monotonic() > walk.deadline:
+            if thread_time() > walk.deadline:
                 raise TooLargeError
             roots, degree = _case_roots(walk, block, name_functions(case, unknown, walk.fresh), values)
             good = [root for root in roots if misfit(block.residuals, _floats(root)) < TOLERANCE]
@@ -204,7 +204,7 @@ def _newton_roots(walk: _Walk, block: Block, values: Reals) -> list[Reals]:
     known = _floats(values)
     roots: list[Reals] = []
     for attempt in range(N_STARTS):
-        if monotonic() > walk.deadline:
+        if thread_time() > walk.deadline:
             break
         start = {
             name: float(walk.guess[name]) * (exp(rng.gauss(0.0, START_SPREAD)) if attempt else 1.0)

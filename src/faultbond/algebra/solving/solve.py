@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from time import monotonic
+from time import thread_time
 
 from faultbond.algebra.route import Route
 from faultbond.algebra.solving.backward_euler import NumericPlant
@@ -50,7 +50,10 @@ MAX_CONDITION = 12  # parts of an expression up to which a condition shows it in
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolvingLimits:
-    """When solving gives up: seconds (a third more for counting roots), and terms of a polynomial."""
+    """When solving gives up: seconds of a processor (a third more for counting roots), and terms of a polynomial.
+
+    What others make the machine do so takes no closed form away.
+    """
 
     seconds: float = 3.0
     terms: int = 5_000
@@ -74,7 +77,7 @@ def solve(
     """
     limits = limits or SolvingLimits()
     problem = prepare(network, route, plant)
-    deadline = monotonic() + limits.seconds
+    deadline = thread_time() + limits.seconds
     records, fixed = trials_of(network, problem, plant, deadline)
     if not records:
         kind, remark = SolutionKind.NUMERIC, BEYOND
@@ -88,7 +91,7 @@ def solve(
     roots, remarks = _closed_forms(problem, records, deadline, limits.terms)
     count: Count | None = None
     with suppress(TooLargeError):  # it takes too long
-        seconds = max(deadline - monotonic(), limits.seconds / 3.0)
+        seconds = max(deadline - thread_time(), limits.seconds / 3.0)
         count = find_roots(problem, records[0].known, records[0].true, seconds)
     if count is None or count.degree is None:
         kind = SolutionKind.NUMERIC
