@@ -44,7 +44,7 @@ WIDTH = 8  # lanes at a time
 @cache
 def lamp() -> Bare:
     """The core, whose state no call changes."""
-    return bare(CALLS, LAMP.replace("sample_time: 0.1 s", "sample_time: variable"))
+    return bare(CALLS, LAMP.replace("sample_time: 0.1 s", "sample_time: variable"), f"-DFB_LANES={WIDTH}")
 
 
 def interacted(lanes: FloatArray) -> FloatArray:

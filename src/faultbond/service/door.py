@@ -105,7 +105,8 @@ def read_certificate(site: Site) -> Certificate | None:
         return None
     _check_readable(site)
     browser = _browser(site)
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)  # TLS 1.2 and later
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2  # which some systems' Python leaves to their OpenSSL
     try:
         context.load_cert_chain(site.certificate, site.key, password=lambda: "")
     except ssl.SSLError as error:

@@ -344,6 +344,7 @@ def client_context(authority: str, certificate: str, key: str) -> ssl.SSLContext
         Where a file cannot be used.
     """
     context = ssl.create_default_context(cafile=authority or None)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2  # which some systems' Python leaves to their OpenSSL
     if certificate:
         context.load_cert_chain(certificate, key or None)
     return context
