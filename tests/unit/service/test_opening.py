@@ -1,5 +1,6 @@
 """From an address to its source, and what is wrong with an address."""
 
+import ssl
 from pathlib import Path
 
 import pytest
@@ -7,7 +8,7 @@ import pytest
 from arriving import tank_subscriber
 from faultbond.errors import FaultbondError
 from faultbond.service.sources.growing_file import GrowingFile, Replay
-from faultbond.service.sources.opening import open_source, shown_address, split_address
+from faultbond.service.sources.opening import client_context, open_source, shown_address, split_address
 from faultbond.service.sources.simulated import SimulatedPlant
 from faultbond.service.sources.standard_input import StandardInput
 
@@ -28,6 +29,11 @@ def test_each_address_has_its_source(tmp_path: Path) -> None:
         assert isinstance(source, kind)
         assert source.address == address
     assert open_source(f"file://{path}", [tank_subscriber()]).address == f"file:{path}"
+
+
+def test_no_source_is_asked_by_what_came_before_tls_1_2() -> None:
+    """Whatever the system leaves to its OpenSSL."""
+    assert client_context("", "", "").minimum_version >= ssl.TLSVersion.TLSv1_2
 
 
 @pytest.mark.parametrize(
