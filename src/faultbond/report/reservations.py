@@ -89,7 +89,8 @@ def course_sentences(graph: BondGraph, history: History, diagnosis: Diagnosis | 
     if diagnosis is None or began is None:
         return ()
     is_of_now = began in history.detections  # not of a run before this one
-    told = _early_sentence(graph, diagnosis, began) if is_of_now else "", _model_sentence(graph, diagnosis, began)
+    early = _early_sentence(graph, diagnosis, began) if is_of_now else ""
+    told = early, _gone_sentence(diagnosis, began), _model_sentence(graph, diagnosis, began)
     return tuple(filter(None, told))
 
 
@@ -104,6 +105,20 @@ def _early_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) ->
     if since >= last:
         return ""
     return f"This is early, {with_noun(since, 'sample')} after the alarm: up to {last} it may still change."
+
+
+def _gone_sentence(diagnosis: Diagnosis, began: Detection) -> str:
+    """Say that a fault that is gone did not raise the alarm, but a parameter that was off all along; empty else."""
+    best, walk = diagnosis.candidates[0], began.walk
+    if best.present or diagnosis.mismatch or diagnosis.unexplained is not None or walk is None or not walk.from_start:
+        return ""
+    if walk.parameter in {item.parameter for item in best.suspects}:
+        return ""
+    return (
+        f"The alarm came since {walk.parameter} had to be moved too far from the start on; a fault that is gone does "
+        "not explain that. The model may be off as well: `faultbond check` with `--data` and a healthy recording says "
+        "where."
+    )
 
 
 def _model_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> str:

@@ -1,6 +1,7 @@
 """The words and rows about a run."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -170,6 +171,25 @@ def test_a_model_that_was_never_fitted_may_be_what_is_wrong(history: History) ->
     fitted = replace(GRAPH, inputs=(replace(GRAPH.inputs[0], fitted_range=(0.0, 1.0)), *GRAPH.inputs[1:]))
     assert told(off, graph=fitted) == told(sample=1, graph=fitted) == ""
     assert told(off, graph=replace(GRAPH, grid=TimeGrid.NONE)) == ""
+
+
+def test_a_fault_that_is_gone_does_not_explain_what_was_off_all_the_while(history: History) -> None:
+    """That is said where the alarm came of another parameter since the start, and the best candidate is gone now."""
+    best = kind_of(suspect(GRAPH, "K1", 1.838, 0.025), (FaultKind.INTERMITTENT, 1.0), probability=0.993)
+    gone = replace(best, present=False)
+    last = with_last(history, (gone,))
+    (alarm,), plain = last.detections, last.diagnoses[-1]
+    alarm = replace(alarm, sample=500)
+
+    def told(walk: Walk | None, **changed: Any) -> str:
+        open_since = replace(last, open=replace(alarm, walk=walk))
+        return " ".join(course_sentences(GRAPH, open_since, replace(plain, **changed)))
+
+    other = Walk(parameter="K2", sd=4.4, from_start=True)
+    assert told(other).startswith("The alarm came since K2 had to be moved too far from the start on; a fault that is")
+    assert told(other, candidates=(best,)) == told(None) == told(replace(other, from_start=False)) == ""
+    assert told(replace(other, parameter="K1")) == told(other, mismatch=0.5) == ""
+    assert not told(other, unexplained=Unexplained(signal="flow", since=7.0, until=7.0, sd=5.0)).startswith("The alarm")
 
 
 def test_what_lies_within_the_accuracy_is_not_claimed(history: History) -> None:
