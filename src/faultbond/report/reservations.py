@@ -109,10 +109,11 @@ def _early_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) ->
 
 def _gone_sentence(diagnosis: Diagnosis, began: Detection) -> str:
     """Say that a fault that is gone did not raise the alarm, but a parameter that was off all along; empty else."""
-    best, walk = diagnosis.candidates[0], began.walk
-    if best.present or diagnosis.mismatch or diagnosis.unexplained is not None or walk is None or not walk.from_start:
+    walk = began.walk
+    if walk is None or not walk.from_start or diagnosis.mismatch or diagnosis.unexplained is not None:
         return ""
-    if walk.parameter in {item.parameter for item in best.suspects}:
+    best = diagnosis.candidates[0]
+    if best.present or walk.parameter in {item.parameter for item in best.suspects}:
         return ""
     return (
         f"The alarm came since {walk.parameter} had to be moved too far from the start on; a fault that is gone does "
