@@ -12,7 +12,7 @@ from io import TextIOWrapper
 from typing import Never
 
 from faultbond import app
-from faultbond.app.signals import SIGNALLED, Stopping, stop_of
+from faultbond.app.signals import SIGNALLED, Stopped, Stopping
 from faultbond.cli.arguments import DONE, FAULT_DETECTED, NO_VERDICT, Parser, VerbCall, add_verbs
 from faultbond.cli.outputs import check_outputs
 from faultbond.errors import FaultbondError, ManyMistakesError, NoVerdictError, one_line
@@ -71,8 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             return _guarded(argv)
         except KeyboardInterrupt as stopped:
-            asked_to = stop_of(stopped)
-            return SIGNALLED + (signal.SIGINT if asked_to is None else asked_to.number)
+            return SIGNALLED + (stopped.number if isinstance(stopped, Stopped) else signal.SIGINT)
         except Exception as error:  # the last line of defence
             if stopping.noted is not None:  # what the library made of it that was stopped
                 return SIGNALLED + stopping.noted

@@ -1,9 +1,11 @@
 """Solving routes: which closed forms there are, that they are right, and what is said where there are none."""
 
 import json
+import time
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import pytest
 from solved import example, route_to, static
@@ -12,7 +14,7 @@ from faultbond.algebra.route import Question, Route
 from faultbond.algebra.routes.matched import find_route
 from faultbond.algebra.solving.backward_euler import NumericPlant, plant_of, random_inputs, simulate_frames
 from faultbond.algebra.solving.formula import to_one_line
-from faultbond.algebra.solving.problem import prepare
+from faultbond.algebra.solving.problem import prepare, trials_of
 from faultbond.algebra.solving.roots import find_roots
 from faultbond.algebra.solving.solution import (
     Solution,
@@ -255,6 +257,19 @@ def test_limits_are_kept() -> None:
     assert solution.real_roots == 1
     solution = solve(network, route_to(network, "J", "C"), plant, SolvingLimits(seconds=-1.0))
     assert solution.remarks == ("no closed form within the limit",)
+
+
+def test_time_that_others_take_is_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine that does something else for longer than the limit takes no closed form away."""
+    network, plant = example("dc_motor")
+    limits = SolvingLimits(seconds=0.5)
+
+    def interrupted(*words: Any) -> Any:
+        time.sleep(1.5 * limits.seconds)
+        return trials_of(*words)
+
+    monkeypatch.setattr("faultbond.algebra.solving.solve.trials_of", interrupted)
+    assert solve(network, route_to(network, "J"), plant, limits).roots
 
 
 def test_names_must_differ() -> None:
