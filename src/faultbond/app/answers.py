@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from math import comb
-from time import thread_time
 
 from faultbond.algebra.route import Question
 from faultbond.algebra.routes.functions import Function, Preference, answer, asked, trial_record
@@ -54,12 +53,12 @@ def answers(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> Answ
     limits = SolvingLimits(seconds=patience / PARTS_OF_PATIENCE)
     questions = asked(network, largest)
     record = trial_record(network, plant, largest)
-    clock, end = Allowance(seconds=ROUTE_SECONDS * wishes.budget + patience), thread_time() + patience
+    clock, patient = Allowance(seconds=ROUTE_SECONDS * wishes.budget + patience), Allowance(seconds=patience)
     found: dict[int, Function] = {}
     for k in sorted(range(len(questions)), key=lambda k: _turn(questions[k])):
         if clock.over():
             break
-        timely = thread_time() < end
+        timely = not patient.over()
         cache = folder if timely and is_wanted(questions[k], wishes) else None
         judged = record if timely or preference is Preference.NOISE else None
         found[k] = answer(network, questions[k], plant, judged, preference=preference, cache=cache, limits=limits)

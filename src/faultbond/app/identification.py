@@ -148,8 +148,9 @@ def identified(
     with threadpool_limits(1):  # matrices are small here, and threads would only wait
         if wishes.until_quiet:
             quieted = _quieted(document.text, graph, read, wishes, tell)
-            kept = {"fitted": quieted.fitted, "text": quieted.text, "stopped": quieted.stopped}
-            return Identified(graph=graph, quieted=quieted, **kept)
+            return Identified(
+                graph=graph, fitted=quieted.fitted, quieted=quieted, text=quieted.text, stopped=quieted.stopped
+            )
         fitted, stopped = _fitted(graph, read, wishes, tell)
     text = fitted.model_text(document.text)
     return Identified(graph=graph, fitted=fitted, quieted=None, text=text, stopped=stopped)

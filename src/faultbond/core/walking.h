@@ -129,9 +129,9 @@ static inline void judge_window(Healthy *healthy, int window, const real *old, c
 }
 
 /* Judge how far parameter k is from where it started. Its true value lies off by its accuracy, of which it has found the part
-   1 - r, where r of its variance is left; it walks about that as it is usual, and by what was found of it on healthy data. After a diagnosis was accepted only what was
-   known just as declared then (of one that is tied, beside the others) is judged, such as what was repaired: what a lane has found
-   may be off by more than it says. */
+   1 - r, where r of its variance is left; it walks about that as it is usual, and by what was found of it on healthy data.
+   After a diagnosis was accepted only what was known just as declared then (of one that is tied, beside the others) is judged,
+   such as what was repaired: what a lane has found may be off by more than it says. */
 static inline void judge_start(Healthy *healthy, int k, flag first, flag counts)
 {
     const double declared = TIE_ROW[k + 1] > TIE_ROW[k] ? 1.0 / OWN_PRECISION[k] : ACCURACY[k] * ACCURACY[k];

@@ -146,12 +146,11 @@ def fit_plant(
         raise NoVerdictError(
             f"{names}: {readings} readings can be used, and {unknown} values are to be found; give a longer recording"
         )
-    climbs = _climbs(plant, records, begin, starts, seed, settled, tell)
+    climbs = _climbs(plant, records, begin, starts, agreeing or starts, settled, seed, tell)
     reached = next(climbs)
     try:
-        for reached in climbs:
-            if reached.alike >= (agreeing or starts):
-                break
+        for further in climbs:
+            reached = further
         records, best = _without_wild(plant, records, reached.best, settled, tell)
         tell("weighing the declared accuracies")
         told = _steps(tell, "weighing the declared accuracies")
@@ -244,11 +243,12 @@ def _climbs(
     records: Sequence[HealthyRecording],
     begin: FitPoint,
     starts: int,
-    seed: int,
+    agreeing: int,
     settled: float,
+    seed: int,
     tell: Callable[[str], None],
 ) -> Iterator[Reached]:
-    """Climb from several starts under a wide prior; give what was reached after each."""
+    """Climb from several starts under a wide prior until so many agree; give what was reached after each."""
     rng = np.random.default_rng(seed)
     unknowns, summits = plant.unknowns, []
     prior = unknowns.widened(WIDE)
@@ -264,6 +264,8 @@ def _climbs(
         if np.isfinite(best.posterior):
             alike = sum(item.posterior > best.posterior - ALIKE for item in summits)
             yield Reached(best, alike, len(summits))
+            if alike >= agreeing:
+                return
     if not np.isfinite(best.posterior):
         raise RecordingError(_without_course(plant, records, begin))
 
