@@ -76,8 +76,10 @@ def _put(text: str, path: Path, value: str, file: str) -> str:
         node = found
     if node is None:
         raise ModelError(f"{file}: the model is empty")
-    end = "\n" if isinstance(node, yaml.ScalarNode) and node.style in ("|", ">") else ""  # it goes up to the next line
-    return text[: node.start_mark.index] + value + end + text[node.end_mark.index :]
+    begin, last = node.start_mark.index, _end(node)
+    deeper = "  " if isinstance(node, yaml.SequenceNode) and not node.flow_style else ""  # `-` may stand below its key
+    end = "\n" if text[begin:last].endswith("\n") else ""  # a text in lines goes up to the next line
+    return text[:begin] + deeper + value + end + text[last:]
 
 
 def _with_key(text: str, table: yaml.MappingNode, key: str, value: str) -> str:
@@ -87,15 +89,16 @@ def _with_key(text: str, table: yaml.MappingNode, key: str, value: str) -> str:
         comma = ", " if table.value else ""
         head = text[:end].rstrip() if comma else text[:end]
         return f"{head.removesuffix(',')}{comma}{key}: {value}{text[end:]}"
-    last = _end(table)
+    last, line = _end(table), f"{' ' * table.value[0][0].start_mark.column}{key}: {value}"
+    if text[:last].endswith("\n"):  # the last value is a text in lines
+        return f"{text[:last]}{line}\n{text[last:]}"
     line_end = text.find("\n", last)
     line_end = len(text) if line_end < 0 else line_end
-    column = table.value[0][0].start_mark.column
-    return f"{text[:line_end]}\n{' ' * column}{key}: {value}{text[line_end:]}"
+    return f"{text[:line_end]}\n{line}{text[line_end:]}"
 
 
 def _end(node: yaml.Node) -> int:
-    """Give where the text of a node ends; of a table in lines, that of its last value."""
+    """Give where the text of a node ends; of a table or a list in lines, that of its last value."""
     if isinstance(node, yaml.MappingNode) and not node.flow_style and node.value:
         return _end(node.value[-1][1])
     if isinstance(node, yaml.SequenceNode) and not node.flow_style and node.value:

@@ -36,7 +36,7 @@ def _begins(time: FloatArray, parts: int) -> IntArray:
     span = time[-1] - time[0]
     if not (np.isfinite(span) and span > 0.0 and np.all(np.diff(time) >= 0.0)):
         return np.arange(parts, dtype=np.intp) * len(time) // parts
-    part = np.minimum((time - time[0]) * (parts / span), parts - 1).astype(np.intp)
+    part = np.minimum((time - time[0]) / span * parts, parts - 1).astype(np.intp)
     return np.concatenate([[0], np.flatnonzero(np.diff(part)) + 1]).astype(np.intp)
 
 
