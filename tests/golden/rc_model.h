@@ -66,6 +66,7 @@
 #define GROUP_NATS 3.0
 #define BLANK_FACTOR 10000.0
 #define WARM_UP_SAMPLES 20
+#define FALSE_ALARMS 0
 #define HISTORY_SAMPLES 330
 #define MOST_NOISES 5
 #define INPUT_CHANGE 0.5
@@ -74,7 +75,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0xea7cd7c34bf889d8ULL, 0x5b2ad80549f5c2ceULL, 0xde6e215b5a48ec18ULL, 0xe1d36754a9b5f0b6ULL};
+static const uint64_t MODEL_HASH[] = {0xd1a36cb11e2bff17ULL, 0xa6f6e59e50bad302ULL, 0x41a1694022e19417ULL, 0x5f917d0e88dd4a36ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};

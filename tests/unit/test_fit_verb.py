@@ -49,6 +49,14 @@ def write_current(path: Path, *, rows: int = 800, seed: int = 1, resistance: flo
     return path
 
 
+def write_change(path: Path, *, seed: int = 1) -> Path:
+    """Write a recording of a winding that changes in the middle."""
+    first = write_current(path, seed=seed).read_text(encoding="utf-8").splitlines()
+    second = write_current(path, seed=seed, resistance=1.3 * R).read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join([*first[:401], *second[401:]]) + "\n", encoding="utf-8")
+    return path
+
+
 def call(*arguments: object) -> dict[str, Any]:
     """Run a verb that writes one record, and give it."""
     target = Path(str(arguments[1])).parent / "record.json"
@@ -190,13 +198,30 @@ def test_wild_readings_are_left_out(model: Path, tmp_path: Path) -> None:
 
 def test_a_parameter_that_changes_is_named(model: Path, tmp_path: Path) -> None:
     """A winding that changes in the middle of a recording is no steady one, and the middle is told."""
-    first = write_current(tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()
-    second = write_current(tmp_path / "b.csv", resistance=1.3 * R).read_text(encoding="utf-8").splitlines()
-    (tmp_path / "both.csv").write_text("\n".join([*first[:401], *second[401:]]) + "\n", encoding="utf-8")
-    steady, changing = call("fit", model, tmp_path / "a.csv"), call("fit", model, tmp_path / "both.csv")
+    steady = call("fit", model, write_current(tmp_path / "a.csv"))
+    changing = call("fit", model, write_change(tmp_path / "both.csv"))
     assert steady["changes"] == []
     assert changing["changes"][0]["parameter"] == "R"
     assert changing["changes"][0]["time"] == pytest.approx(8.0, abs=1.0)
+
+
+def test_a_model_that_alarms_on_its_recordings_says_so(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It counts its false alarms, in words and in the file; fitted to what it explains it knows of none any more."""
+    steady, first, second = (tmp_path / f"{name}.csv" for name in ("steady", "first", "second"))
+    write_current(steady)
+    write_change(first)
+    write_change(second, seed=2)
+    record = call("fit", model, steady, first, second, "-o", tmp_path / "off.yaml")
+    assert set(record["alarms"]) == {str(first), str(second)}
+    assert load_model(tmp_path / "off.yaml").false_alarms == 2
+    told = " ".join(capsys.readouterr().out.split())
+    soonest = min((first, second), key=lambda path: record["alarms"][str(path)])
+    assert f"It alarms on 2 of 3 healthy recordings, soonest on {soonest} at " in told
+    assert call("fit", tmp_path / "off.yaml", steady, "-o", tmp_path / "right.yaml")["alarms"] == {}
+    assert load_model(tmp_path / "right.yaml").false_alarms == 0
+    assert "It alarms on no recording." in capsys.readouterr().out
 
 
 def test_the_report_is_a_page(model: Path, tmp_path: Path) -> None:
@@ -204,7 +229,7 @@ def test_the_report_is_a_page(model: Path, tmp_path: Path) -> None:
     page = tmp_path / "fit.html"
     call("fit", model, write_current(tmp_path / "a.csv"), "--report", page)
     text = page.read_text(encoding="utf-8")
-    assert "<h1>The data fix R and L. What is left is white. R and L are far outside what was declared: " in text
+    assert "<h1>The data fix R and L. What is left is white. It alarms on no recording. R and L are " in text
     assert "Autocorrelation" in text
     assert "http://" not in text.replace("http://www.w3.org", "")
 

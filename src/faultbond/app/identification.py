@@ -29,7 +29,7 @@ from faultbond.io.out import Out
 from faultbond.io.recording import columns_of, read_rows
 from faultbond.model.document import ModelFile, read_document
 from faultbond.model.graph import BondGraph
-from faultbond.model.text import load_model
+from faultbond.model.text import load_model, parse_model
 from faultbond.types import STEP, TimeGrid
 
 if TYPE_CHECKING:
@@ -152,7 +152,10 @@ def identified(
                 graph=graph, fitted=quieted.fitted, quieted=quieted, text=quieted.text, stopped=quieted.stopped
             )
         fitted, stopped = _fitted(graph, read, wishes, tell)
-    text = fitted.model_text(document.text)
+        text = fitted.model_text(document.text)
+        if stopped is None:
+            fitted = _tried_out(text, fitted, read, tell)
+    text = fitted.with_false_alarms(text)
     return Identified(graph=graph, fitted=fitted, quieted=None, text=text, stopped=stopped)
 
 
@@ -183,6 +186,16 @@ def _fitted(
     fitted = fitted_model(graph, found, core.spec.version, wanders_of(graph, found, likelihood_engine, tell))
     tell("asking how far parameters seem to move while healthy")
     return replace(fitted, healthy_changes=healthy_changes(core, found.records, fitted.believed)), None
+
+
+def _tried_out(text: str, fitted: Any, read: tuple[tuple[str, list[Sample]], ...], tell: Callable[[str], None]) -> Any:
+    """Ask whether a fitted model, a text, alarms on the recordings; give what was found with that."""
+    from faultbond.fit.samples import healthy_recording  # noqa: PLC0415 - loads casadi
+    from faultbond.fit.trial import alarms_of  # noqa: PLC0415 - loads scipy
+
+    tell("asking whether it alarms on the recordings")
+    core = build_watcher(parse_model(text, file=fitted.graph.file))
+    return replace(fitted, alarms=alarms_of(core, [healthy_recording(name, points, core) for name, points in read]))
 
 
 def _quieted(

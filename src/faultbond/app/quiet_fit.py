@@ -151,7 +151,7 @@ def _tried(now: Quieted, attempt: Attempt, raised: tuple[Resized, ...] = ()) -> 
     return replace(
         now,
         fitted=attempt.fitted,
-        text=attempt.text,
+        text=replace(attempt.fitted, alarms=attempt.alarms).with_false_alarms(attempt.text),
         health=attempt.health,
         alarms=attempt.alarms,
         raised=(*raised, *wider),

@@ -131,9 +131,16 @@ function unexplainedSentence(found) {
   return `None of the modelled faults explains this: the best fit is still ${numberText(found.sd, null, 2)} standard deviations off in ${found.signal} ${when}.`;
 }
 
+// Whether a model is held to be off as what counts as healthy had to move, and not as it alarmed on healthy data.
+const hasWalked = (diagnosis) => diagnosis.mismatch > MODEL.falseAlarms / (MODEL.falseAlarms + 1) + 1e-9;
+const alarmedBefore = () => `it alarmed on healthy data ${{ 1: "once", 2: "twice" }[MODEL.falseAlarms] ?? `${MODEL.falseAlarms} times`} before`;
+
 // Why no candidate is claimed of what began with this alarm; empty where one is.
 function noClaim(diagnosis, detection) {
-  if (diagnosis.mismatch && detection.walk) {
+  if (diagnosis.mismatch && !(detection.walk && hasWalked(diagnosis)))
+    return `Most likely the model is off: ${alarmedBefore()}, ${certaintyText(diagnosis.mismatch)}. ` +
+      "`faultbond fit` with `--until-quiet` and healthy recordings finds what it leaves out.";
+  if (diagnosis.mismatch) {
     const name = detection.walk.parameter;
     return `Most likely the model is off: ${name}, which counts as healthy, had to move too far, ${certaintyText(diagnosis.mismatch)}. ` +
       `Declare the accuracy of ${name} larger, or ${MODEL.wanders.includes(name) ? "its `wander` larger or longer" : "that it wanders"}, or mend what moves it.`;
@@ -213,7 +220,7 @@ function earlySentence(diagnosis, detection) {
 // What may be true beside the candidates.
 function besideText(diagnosis) {
   const told = [], left = diagnosis.untested;
-  if (diagnosis.mismatch) told.push(`With ${probabilityText(diagnosis.mismatch)}${NO_BREAK}% the model is off: what had to move too far counts as healthy.`);
+  if (diagnosis.mismatch) told.push(`With ${probabilityText(diagnosis.mismatch)}${NO_BREAK}% the model is off: ${hasWalked(diagnosis) ? "what had to move too far counts as healthy" : alarmedBefore()}.`);
   if (diagnosis.within_accuracy >= NEGLIGIBLE)
     told.push(`With ${probabilityText(diagnosis.within_accuracy)}${NO_BREAK}% no part that is tested changed by more than its declared accuracy allows a healthy one.`);
   if (left && left.sets)

@@ -210,6 +210,7 @@ class EngineSpec:
     condition: int = -1  # of these, under which the model holds; -1: always
     correlations: tuple[tuple[int, int, float], ...] = ()  # of parameters while healthy, in factors; each pair once
     row_time: float | None = None  # seconds between rows, of which those about a sample are averaged; None: none is
+    false_alarms: int = 0  # that the model is known to have raised on healthy data
 
     def __hash__(self) -> int:
         return self._hash

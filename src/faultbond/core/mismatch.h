@@ -2,7 +2,10 @@
    since such a parameter walked too far, every hypothesis takes it back to where it was and has to explain by its suspects what
    it had been moved for. The best one fits best, but nothing says that it is true: a model that is off fits none. So that
    is a hypothesis of its own. As it may bring about whatever the data are, no likelihood tells it from the others, and its
-   probability is that of before. Reasons and figures: docs/decisions/020-walks.md. */
+   probability is that of before. Reasons and figures: docs/decisions/020-walks.md.
+
+   So is a model that is known to alarm on healthy data. Of n + 1 alarms, n of them false, this one is taken to be the one that is
+   none; which of them it is nobody knows, and so it is one more false one with n / (n + 1). Figures: docs/decisions/034-false-alarms.md. */
 #ifndef FB_MISMATCH_H
 #define FB_MISMATCH_H
 
@@ -21,12 +24,20 @@ static int is_in_a_set(int64_t parameter)
     return 0;
 }
 
+/* Probability that the model is off, given how the alarm came, and how many false ones there were before. */
+static double probability_off(const State *state)
+{
+    const double known = (double)FALSE_ALARMS / (FALSE_ALARMS + 1.0);
+    if (state->alarm.walker < 0 || is_in_a_set(state->alarm.walker)) return known;
+    return fmax(known, state->alarm.window == WALKS ? OFF_FROM_START : OFF_SINCE);
+}
+
 /* Leave to a model that is off what is its part of a ranking. It tells no tested set from another, so each has an even share. */
 static void leave_to_mismatch(const State *state, const Ranking *ranking, Diagnosis *found)
 {
     int64_t n_tested = 0;
-    if (state->alarm.walker < 0 || is_in_a_set(state->alarm.walker)) return;
-    found->mismatch = state->alarm.window == WALKS ? OFF_FROM_START : OFF_SINCE;
+    found->mismatch = probability_off(state);
+    if (!(found->mismatch > 0.0)) return;
     const double left = 1.0 - found->mismatch;
     found->within_accuracy *= left;
     for (int64_t k = 0; k < N_HYPOTHESES; k++) n_tested += is_tested(ranking, k);

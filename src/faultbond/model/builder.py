@@ -22,8 +22,8 @@ class ModelBuilder:
     ----------
     name : the model's name, which starts every error message
     sample_time : `1 s`, or `variable`, or `none` for a static block network
-    max_faults, accuracy, warm_up, time, time_between_false_alarms, instrument_faults, valid_when, row_time : as
-        in the model file; None leaves the default in force
+    max_faults, accuracy, warm_up, time, time_between_false_alarms, false_alarms, instrument_faults, valid_when,
+    row_time : as in the model file; None leaves the default in force
 
     Example
     -------
@@ -50,6 +50,7 @@ class ModelBuilder:
         warm_up: Scalar | None = None,
         time: Scalar | Fields | None = None,
         time_between_false_alarms: Scalar | None = None,
+        false_alarms: int | None = None,
         instrument_faults: bool | None = None,
         valid_when: Scalar | Fields | None = None,
         row_time: Scalar | None = None,
@@ -60,6 +61,7 @@ class ModelBuilder:
         self._settings: Fields = {
             "name": name,
             **settings,
+            "false_alarms": false_alarms,
             "time": time,
             "valid_when": valid_when,
             "row_time": row_time,

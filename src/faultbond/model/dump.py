@@ -130,6 +130,7 @@ class _Writer:
             "warm_up": _seconds(graph.warm_up) if not self.static and self.stated("warm_up") else "",
             "valid_when": _validity(graph.valid_when),
             "time_between_false_alarms": "" if patience is None else _seconds(patience),
+            "false_alarms": str(graph.false_alarms) if graph.false_alarms else "",
             "time": "none" if time.column is None else _flow(column) if has_time else "",
         }
 

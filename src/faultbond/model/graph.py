@@ -347,6 +347,7 @@ class BondGraph:
     slow_errors: tuple[SlowError, ...]
     tables: tuple[Curve, ...] = ()
     time_between_false_alarms: float | None = None
+    false_alarms: int = 0  # that it is known to have raised on healthy data
     valid_when: Validity | None = None  # when all of it holds; None: always
     row_time: float | None = None  # seconds between rows, of which those about a sample are averaged; None: none is
     checks: tuple[Check, ...] = ()

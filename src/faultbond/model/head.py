@@ -12,11 +12,13 @@ from faultbond.model.spot import Spot
 from faultbond.model.units import SECOND, measure
 from faultbond.types import TimeGrid
 
+MOST_DIGITS = 9  # of the number of false alarms
 _OF_TIME = {
     "warm_up": "no alarms to wait for",
     "row_time": "no samples that rows are averaged for",
     "valid_when": "no states of operation; leave out the rows that are not to be judged",
     "time_between_false_alarms": "no alarms to wait for",
+    "false_alarms": "no alarms",
     "slow_error": "no slow errors",
     "correlations": "no parameters that are learned",
     "instrument_faults": "no faults of sensors and inputs",
@@ -43,6 +45,7 @@ class Head:
     sample_time: float | None
     row_time: float | None
     max_faults: int
+    false_alarms: int
     time: TimeColumn
     accuracy: Spread | None
     instruments: bool
@@ -88,6 +91,12 @@ def read_head(source: Source, fields: Mapping[str, Spot], defaults: Defaults, na
         if not (text.isascii() and text.isdigit() and len(text) <= 2 and 1 <= int(text) <= MOST_FAULTS):
             raise fields["max_faults"].error(f" is a whole number from 1 to {MOST_FAULTS}, not `{shown(text)}`")
         max_faults = int(text)
+    false_alarms = 0
+    if "false_alarms" in fields:
+        text = fields["false_alarms"].text()
+        if not (text.isascii() and text.isdigit() and len(text) <= MOST_DIGITS):
+            raise fields["false_alarms"].error(f" is a whole number, 0 or more, not `{shown(text)}`")
+        false_alarms = int(text)
     for key in ("name", "max_faults"):
         if key not in fields:
             defaults.missing(MODEL_KEYS, key)
@@ -105,6 +114,7 @@ def read_head(source: Source, fields: Mapping[str, Spot], defaults: Defaults, na
         sample_time=sample_time,
         row_time=_row_time(fields["row_time"], sample_time) if "row_time" in fields else None,
         max_faults=max_faults,
+        false_alarms=false_alarms,
         time=time,
         accuracy=accuracy,
         instruments=fields["instrument_faults"].is_yes() if "instrument_faults" in fields else not static,

@@ -354,6 +354,10 @@ MODEL_KEYS = Keys(
             f"largest set of simultaneous faults that is tested; default {MAX_FAULTS}",
             default=str(MAX_FAULTS),
         ),
+        "false_alarms": Key(
+            {"description": "", "anyOf": [{"type": "integer", "minimum": 0}, {"type": "string"}]},
+            "alarms that it is known to have raised on healthy data; default 0",
+        ),
         "accuracy": Key(TEXT, "standard deviation of each healthy parameter, relative; default `3 %`"),
         "warm_up": Key(TEXT, "time without alarms after the start, `180 s`"),
         "valid_when": Key(VALID_KEYS, "condition under which the model holds; else nothing is judged"),

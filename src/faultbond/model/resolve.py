@@ -90,6 +90,7 @@ def resolve(table: Table, source: Source, name: str) -> BondGraph:
         slow_errors=(*measured.slow_errors, *reader.wanders),
         tables=tables,
         time_between_false_alarms=patience,
+        false_alarms=head.false_alarms,
         valid_when=valid_when,
         row_time=head.row_time,
         checks=measured.checks,

@@ -108,6 +108,7 @@ def _data(graph: BondGraph, spec: EngineSpec, recording: BuiltInRecording | None
         "cusumLimit": spec.thresholds.cusum_limit,
         "slow": [{"name": error.words, "place": k, "limit": float(spec.slow_limits[k])} for k, error in alarming],
         "nSlow": len(spec.slow_errors),
+        "falseAlarms": graph.false_alarms,
         "wanders": [item.target for item in graph.wanders],
         "suspects": dict(_suspects(graph)),
         "instruments": {name: with_article(title) for name, title in _instruments(graph)},

@@ -8,8 +8,16 @@ from faultbond.arrays import FloatArray
 from faultbond.fit.whiteness import Whiteness
 from faultbond.model.graph import BondGraph
 from faultbond.report.chart import Chart, ChartLine, ChartSection, in_unit, payload
-from faultbond.report.doubts import stray_sentence
-from faultbond.report.fit_result import HEADER, Fitted, fit_verdict, noise_rows, parameter_row, remarks, size_lines
+from faultbond.report.fit_result import (
+    HEADER,
+    Fitted,
+    doubt_sentences,
+    fit_verdict,
+    noise_rows,
+    parameter_row,
+    remarks,
+    size_lines,
+)
 from faultbond.report.html import render_page
 from faultbond.report.numbers import MINUS, Notation, duration_text, unit_text
 from faultbond.report.quiet_result import Quieted, quiet_parts, quiet_verdict
@@ -65,12 +73,14 @@ def render_fit(fitted: Fitted, graph: BondGraph, quieted: Quieted | None = None)
 
 def _is_good(fitted: Fitted, quieted: Quieted | None) -> bool:
     """Whether nothing is left to be done."""
-    return fitted.found.summit.settled and not fitted.strays and (quieted is None or quieted.quiet)
+    return (
+        fitted.found.summit.settled and not fitted.strays and not fitted.alarms and (quieted is None or quieted.quiet)
+    )
 
 
 def _verdict(fitted: Fitted, quieted: Quieted | None) -> str:
     """Say in some sentences what came of it, as on the terminal."""
-    told = [fit_verdict(fitted), stray_sentence(fitted.strays) if fitted.strays else ""]
+    told = [fit_verdict(fitted), *doubt_sentences(fitted)]
     told.append(quiet_verdict(quieted) if quieted else "")
     return " ".join(text for text in told if text)
 

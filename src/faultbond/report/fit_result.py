@@ -35,7 +35,7 @@ from faultbond.model.rewrite import NewParameter, NewSize, parameter_path, rewri
 from faultbond.model.text import parse_model
 from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.doubts import stray_records, stray_remark, stray_sentence, stray_texts
-from faultbond.report.numbers import MINUS, change_text, clock_text, figure, join, recording_text, unit_text
+from faultbond.report.numbers import MINUS, change_text, clock_text, figure, join, recording_text, unit_text, with_noun
 from faultbond.report.together import closest_texts
 
 ENOUGH = 10  # samples for each value that is sought
@@ -51,6 +51,7 @@ class Fitted:
     healthy_changes: standard deviations by which parameters seem to change, and instruments to be off, healthy, SI
     strays: parameters that the fit puts far outside what was declared
     apart: whether it is left out how fitted parameters go together, as they do not while healthy
+    alarms: when the fitted model alarms on the recordings, s, by their names; None: it was not asked
     """
 
     graph: BondGraph
@@ -63,6 +64,7 @@ class Fitted:
     healthy_changes: Mapping[str, float] = field(default_factory=dict)
     strays: tuple[Stray, ...] = ()
     apart: bool = False
+    alarms: Mapping[str, float] | None = None
 
     @property
     def correlations(self) -> tuple[Correlation, ...]:
@@ -102,6 +104,12 @@ class Fitted:
         told += [((section.get(name, "inputs"), name, "healthy_bias"), size) for name, size in self.declared_biases]
         told += [(("inputs", name, "fitted_range"), ends) for name, ends in self.seen_inputs]
         return amended(text, told, graph.file)
+
+    def with_false_alarms(self, text: str) -> str:
+        """Give the text of a fitted model with on how many recordings it alarms; as it was where nobody asked."""
+        if self.alarms is None or len(self.alarms) == self.graph.false_alarms:
+            return text
+        return amended(text, [(("false_alarms",), str(len(self.alarms)))], self.graph.file)
 
     @property
     def believed(self) -> Believed:
@@ -290,6 +298,7 @@ def fit_record(fitted: Fitted, output: Path | None) -> Record:
         "widened": {
             item.name: float(times) for item, times in zip(found.plant.unknowns.parameters, found.widths, strict=True)
         },
+        "alarms": None if fitted.alarms is None else dict(fitted.alarms),
         "log_likelihood": found.summit.evaluation.value,
         "log_likelihood_before": found.before,
         "changes": [asdict(item) for item in found.changes],
@@ -328,8 +337,8 @@ def print_fit(console: Console, fitted: Fitted, output: Path | None) -> None:
     console.print()
     style = "bold green" if found.summit.settled else "bold yellow"
     console.print(Text(fit_verdict(fitted), style=style))
-    if fitted.strays:
-        console.print(Text(stray_sentence(fitted.strays), style="bold yellow"))
+    for sentence in doubt_sentences(fitted):
+        console.print(Text(sentence, style="bold yellow"))
     if output is not None:
         console.print(Text(f"Model written: {output}", style="bold"))
 
@@ -442,6 +451,20 @@ def size_lines(fitted: Fitted) -> Iterator[tuple[str, str]]:
         yield label, f"off by {', '.join(texts)} (root of the mean square)"
 
 
+def doubt_sentences(fitted: Fitted) -> list[str]:
+    """Say why what was found is not to be trusted yet, and what to do about it."""
+    told = [stray_sentence(fitted.strays)] if fitted.strays else []
+    if fitted.alarms:
+        begin = {item.name: float(item.time[0]) for item in fitted.found.records}
+        soonest, time = min(fitted.alarms.items(), key=lambda item: item[1] - begin[item[0]])
+        told.append(
+            f"It alarms on {len(fitted.alarms)} of {with_noun(len(begin), 'healthy recording')}, soonest on {soonest} "
+            f"at {clock_text(time)}: what it says of a plant is most likely of what it leaves out. "
+            "`--until-quiet` finds that."
+        )
+    return told
+
+
 def fit_verdict(fitted: Fitted) -> str:
     """Say in a sentence what came of it."""
     found = fitted.found
@@ -462,4 +485,5 @@ def fit_verdict(fitted: Fitted) -> str:
         if slow
         else " What is left is white."
     )
-    return first + second
+    third = " It alarms on no recording." if fitted.alarms is not None and not fitted.alarms else ""
+    return first + second + third

@@ -16,16 +16,36 @@ LITTLE_SEEN = 500  # samples: an alarm that comes earlier may as well tell that 
 
 def reason_for_none(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> str:
     """Say why no candidate is claimed of what began with this alarm; empty where one is."""
-    if diagnosis.mismatch and began.walk is not None:  # it is never less likely than all sets together
-        name, sure = began.walk.parameter, certainty_text(diagnosis.mismatch)
-        told = f"Most likely the model is off: {name}, which counts as healthy, had to move too far, {sure}."
-        return f"{told} {cure_of_walk(graph, name)}"
+    if diagnosis.mismatch:  # it is never less likely than all sets together
+        return _off_sentence(graph, diagnosis, began)
     if diagnosis.unexplained is not None:
         return " ".join([unexplained_sentence(diagnosis.unexplained), *_not_asked(graph)])
     if diagnosis.within_accuracy <= diagnosis.candidates[0].probability:
         return ""
     sure = certainty_text(diagnosis.within_accuracy)
     return f"Something changed, by no more than the model declares of healthy parts, {sure}: no fault is claimed."
+
+
+def _off_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> str:
+    """Say that most likely the model is off, why, and what to do about it."""
+    sure, walk = certainty_text(diagnosis.mismatch), began.walk
+    if walk is not None and has_walked(graph, diagnosis):
+        told = f"Most likely the model is off: {walk.parameter}, which counts as healthy, had to move too far, {sure}."
+        return f"{told} {cure_of_walk(graph, walk.parameter)}"
+    return (
+        f"Most likely the model is off: it alarmed on healthy data {times_text(graph)} before, {sure}. "
+        "`faultbond fit` with `--until-quiet` and healthy recordings finds what it leaves out."
+    )
+
+
+def has_walked(graph: BondGraph, diagnosis: Diagnosis) -> bool:
+    """Whether a model is held to be off since what counts as healthy had to move, not for its false alarms."""
+    return diagnosis.mismatch > graph.false_alarms / (graph.false_alarms + 1.0) + 1e-9
+
+
+def times_text(graph: BondGraph) -> str:
+    """Say how often a model is known to have alarmed on healthy data."""
+    return {1: "once", 2: "twice"}.get(graph.false_alarms, f"{graph.false_alarms} times")
 
 
 def unexplained_sentence(found: Unexplained) -> str:
@@ -140,18 +160,20 @@ def _model_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) ->
     )
 
 
-def beside(diagnosis: Diagnosis) -> str:
+def beside(graph: BondGraph, diagnosis: Diagnosis) -> str:
     """Say what may be true beside the candidates."""
-    told = (mismatch_sentence(diagnosis), within_sentence(diagnosis), untested_sentence(diagnosis))
+    told = (mismatch_sentence(graph, diagnosis), within_sentence(diagnosis), untested_sentence(diagnosis))
     return " ".join(filter(None, told))
 
 
-def mismatch_sentence(diagnosis: Diagnosis) -> str:
+def mismatch_sentence(graph: BondGraph, diagnosis: Diagnosis) -> str:
     """Say how likely it is that the model is off; empty where nothing tells of that."""
     if not diagnosis.mismatch:
         return ""
     percent = probability_text(diagnosis.mismatch)
-    return f"With {percent} % the model is off: what had to move too far counts as healthy."
+    before = f"it alarmed on healthy data {times_text(graph)} before"
+    why = "what had to move too far counts as healthy" if has_walked(graph, diagnosis) else before
+    return f"With {percent} % the model is off: {why}."
 
 
 def within_sentence(diagnosis: Diagnosis) -> str:

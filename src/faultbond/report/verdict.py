@@ -168,7 +168,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
         rows=rows,
         several=sum(row.group for row in rows) > 1,
         remainder=remainder_text(diagnosis, rows) if diagnosis else "",
-        left_out=beside(diagnosis) if diagnosis else "",
+        left_out=beside(graph, diagnosis) if diagnosis else "",
         contradicted=diagnosis is not None and diagnosis.unexplained is not None,
         checks=check_rows(graph, diagnosis, notation) if diagnosis else (),
         notes=_notes(counts),
@@ -302,7 +302,7 @@ def ranking_text(graph: BondGraph, diagnosis: Diagnosis) -> str:
         told.append(f"         ... and {len(left) - RANKED_SETS} more")
     if diagnosis.unexplained is not None:
         told.append(unexplained_sentence(diagnosis.unexplained))
-    return "\n".join([*told, *filter(None, [beside(diagnosis)])])
+    return "\n".join([*told, *filter(None, [beside(graph, diagnosis)])])
 
 
 def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, notation: Notation) -> str:

@@ -98,7 +98,7 @@ def _status_of(diagnosis: Diagnosis) -> Ne107:
     which nothing is off by more than is known.
     """
     best = diagnosis.candidates[0]
-    if diagnosis.unexplained is not None or diagnosis.mismatch > LIKELY:
+    if diagnosis.unexplained is not None or diagnosis.mismatch >= LIKELY:
         return Ne107.OFF_SPEC
     if diagnosis.within_accuracy > LIKELY or all(item.kind is FaultKind.DRIFT for item in best_group(diagnosis)):
         return Ne107.MAINTENANCE_REQUIRED
@@ -113,6 +113,8 @@ def diagnosis_line(graph: BondGraph, diagnosis: Diagnosis) -> str:
     told = f"{' or '.join(named)}{more}"
     if diagnosis.unexplained is not None:
         return f"no fault of the model explains it; nearest comes {told}."
+    if diagnosis.mismatch >= LIKELY:
+        return f"most likely the model is off; else {told}."
     if diagnosis.within_accuracy > LIKELY:
         return f"nothing has changed beyond what is known; else {told}."
     return f"{told}."

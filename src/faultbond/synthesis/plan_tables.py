@@ -62,6 +62,7 @@ def plan_sizes(spec: EngineSpec) -> dict[str, int | str]:
         "GROUP_NATS": literal(settings.group_nats),
         "BLANK_FACTOR": literal(settings.blank_factor),
         "WARM_UP_SAMPLES": settings.warm_up_samples,
+        "FALSE_ALARMS": spec.false_alarms,
         "HISTORY_SAMPLES": settings.history_samples,
         "MOST_NOISES": len(NOISES),
         "INPUT_CHANGE": literal(INPUT_BIASES[-1]),

@@ -76,6 +76,7 @@ def build_spec(model: StepModel) -> EngineSpec:
         settlings=tuple(item.settling for item in conditions),
         condition=_place(graph.valid_when, conditions),
         row_time=graph.row_time,
+        false_alarms=graph.false_alarms,
         correlations=_correlations(graph),
         explain_anything=tuple(chosen for chosen, reason in choice.dropped if reason == EXPLAINS_ANYTHING),
         checks=tuple(

@@ -21,9 +21,9 @@ OTHERS = replace(
 
 
 @cache
-def diagnosed(walker: int, window: int = WALKS) -> tuple[float, tuple[float, ...], float]:
+def diagnosed(walker: int, window: int = WALKS, false_alarms: int = 0) -> tuple[float, tuple[float, ...], float]:
     """The probabilities that the model is off, of all sets, and of nothing at fault; one lane explains the data."""
-    state = Diagnosed(OTHERS)
+    state = Diagnosed(replace(OTHERS, false_alarms=false_alarms))
     state.far_off()
     state.only(0)
     state["alarm.walker"], state["alarm.window"] = walker, window
@@ -49,3 +49,14 @@ def test_what_counts_as_healthy_and_walks_leaves_the_most_to_a_model_that_is_off
 def test_what_may_be_at_fault_and_walks_is_asked_as_before() -> None:
     """A walk of what some tested set has is no mismatch of the model."""
     assert diagnosed(SUSPECT) == diagnosed(-1)
+
+
+@pytest.mark.parametrize("known", [1, 3, 40])
+def test_false_alarms_that_are_known_leave_the_most_to_a_model_that_is_off(known: int) -> None:
+    """Of so many and this one a single one is taken to be true; sets keep their order, and share what is left."""
+    off, sets, within = diagnosed(-1, false_alarms=known)
+    _, surely, before = diagnosed(-1)
+    assert off == pytest.approx(known / (known + 1.0))
+    assert sets == pytest.approx([(1.0 - off) * probability + off / len(surely) for probability in surely])
+    assert within == pytest.approx((1.0 - off) * before)
+    assert diagnosed(TRUSTED, false_alarms=known)[0] == max(off, SETTINGS["OFF_FROM_START"])

@@ -116,6 +116,12 @@ def test_time_between_false_alarms() -> None:
     assert read(more="time_between_false_alarms: 30 days\n").time_between_false_alarms == 30 * 86400
 
 
+def test_false_alarms() -> None:
+    """They are counted; none are known unless stated."""
+    assert read().false_alarms == 0
+    assert read(more="false_alarms: 12\n").false_alarms == 12
+
+
 def test_checks() -> None:
     """A component is looked at, an input moved, a signal measured; a cost alone may stand for a table."""
     more = """\
@@ -148,7 +154,9 @@ def test_checks_of_networks() -> None:
 
 def test_builder_knows_the_keys() -> None:
     """Builder and file give the same canonical text."""
-    plant = ModelBuilder("vessel", sample_time="1 s", time_between_false_alarms="2 weeks", instrument_faults=False)
+    plant = ModelBuilder(
+        "vessel", sample_time="1 s", time_between_false_alarms="2 weeks", false_alarms=2, instrument_faults=False
+    )
     plant.input("Q", unit="l/min", range=["0 l/min", "inf"], suspect=True)
     plant.bond("pump -> node -> vessel").bond("node -> outlet").junction("node", 0)
     plant.component("pump", "Sf", law="f = G*Q", parameters={"G": 1})
@@ -163,7 +171,7 @@ def test_builder_knows_the_keys() -> None:
         ("unit: cm", "unit: cm, range: [0, inf]"),
         ("bare: {", "bare: {suspect: yes, "),
         ("{K: 1e-4 m^2.5/s}", "{K: {nominal: 1e-4 m^2.5/s, limit: [5e-5, 3e-4]}}"),
-        more="time_between_false_alarms: 2 weeks\ninstrument_faults: no\n"
+        more="time_between_false_alarms: 2 weeks\nfalse_alarms: 2\ninstrument_faults: no\n"
         "checks: {outlet: 20, Q: {move: 6}, jug: {reads: outlet.f, unit: l/min, noise: 1}}\n",
     ).text
     assert plant.build().text == text
@@ -194,6 +202,8 @@ WRONG = [  # what stands in the file, what stands there instead, line, message
     (K, "{K: {nominal: 1, limit: -1}}", 7, "parameter K: limit must lie within the range"),
     (K, "{K: {nominal: 1, limit: inf}}", 7, "parameter K: limit must lie within the range"),
     ("name:", "time_between_false_alarms: 0 s\nname:", 1, "time_between_false_alarms must be above 0, such as"),
+    ("name:", "false_alarms: -1\nname:", 1, "false_alarms is a whole number, 0 or more, not `-1`"),
+    ("name:", "false_alarms: 3 d\nname:", 1, "false_alarms is a whole number, 0 or more, not `3 d`"),
     ("name:", "time_between_false_alarms: 30\nname:", 1, "time_between_false_alarms `30` needs a time unit"),
     ("name:", "checks: {outlt: 1}\nname:", 1, "check outlt: no component or input `outlt`; did you mean `outlet`"),
     ("name:", "checks: {K: 1}\nname:", 1, "check K: no component or input `K`; name its component `outlet`"),

@@ -227,6 +227,23 @@ def test_a_model_that_is_off_is_told_with_its_cure(history: History) -> None:
     assert view.left_out == "With 90.0 % the model is off: what had to move too far counts as healthy."
 
 
+def test_a_model_that_is_known_to_alarm_is_told_with_its_cure(history: History) -> None:
+    """Also where something walked, as long as that is not why it is held to be off."""
+    graph = replace(GRAPH, false_alarms=2)
+    best = kind_of(suspect(graph, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.3)
+    shown = with_last(history, (best,))
+    walked = replace(shown.detections[-1], walk=Walk(parameter="K1", sd=4.7, from_start=True))
+    diagnosis = replace(shown.diagnoses[-1], mismatch=2 / 3)
+    for alarm in (shown.detections[-1], walked):
+        shown = replace(shown, detections=(alarm,), open=alarm, diagnoses=(diagnosis,))
+        told = verdict_sentence(graph, shown, RunCounts(samples=9), Notation.FILE)
+        off = "Most likely the model is off: it alarmed on healthy data twice before, 66 % sure. `faultbond fit`"
+        assert told.startswith(off)
+        assert "Nearest comes a change of the pipe" in told
+        view = view_of(graph, shown, RunCounts(samples=9), Notation.FILE)
+        assert view.left_out == "With 66.7 % the model is off: it alarmed on healthy data twice before."
+
+
 def test_verdict_of_a_pair_names_both(history: History) -> None:
     """A pair is one explanation with two owners, also where a value fell."""
     pair = (suspect(GRAPH, "K1", 1.5, 0.1), suspect(GRAPH, "K4", 0.5, 0.1))
