@@ -118,6 +118,9 @@ def _straight(hill: "_Hill", now: Summit, most: int, settled: float, begun: str 
         free = ~hill.held(now, slope)
         for attempt in range(PATIENCE):
             move, promise = hill.move(precision, slope, free, damping)
+            if promise <= settled and damping <= SOFT and not attempt:  # damping also holds what the data hardly fix
+                damping = LEAST_DAMPING
+                move, promise = hill.move(precision, slope, free, damping)
             if promise <= settled and damping <= SOFT:
                 return replace(now, settled=True)
             point = hill.moved(now.point, move)

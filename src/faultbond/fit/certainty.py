@@ -123,6 +123,8 @@ def long_run_variance(scores: FloatArray, most: float = MOST_BANDWIDTH) -> Float
 def together(information: FloatArray, prior: FloatArray, n_theta: int) -> BoolArray:
     """Give which parameters the data cannot tell apart, (n_theta, n_theta), each with itself.
 
+    A scale that several have in common ties none of them: where some are off beside the others, the fewest are.
+
     Parameters
     ----------
     information : (m, m), of all unknowns and starts, parameters first
@@ -132,7 +134,8 @@ def together(information: FloatArray, prior: FloatArray, n_theta: int) -> BoolAr
     weight = np.zeros(len(information))
     weight[: len(prior)] = prior**-2.0
     covariance = inverse_of(information + np.diag(weight))[:n_theta, :n_theta]
-    rows = np.abs(_silent(covariance)) > LINKED * SHOWN
+    silent = np.abs(_silent(covariance))
+    rows = silent[np.sum(silent > PARTNER * SHOWN, axis=1) < SEVERAL] > LINKED * SHOWN
     linked: BoolArray = np.eye(n_theta, dtype=bool)
     for row in rows:
         linked |= np.outer(row, row)

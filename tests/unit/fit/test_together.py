@@ -81,6 +81,44 @@ def test_a_circuit_whose_product_shows(tmp_path: Path, capsys: pytest.CaptureFix
     assert f"R and C {MINUS}{-together.value:g}: their product" in capsys.readouterr().out
 
 
+POT = """name: pot
+sample_time: 1 s
+accuracy: 5 %
+inputs: {u: {unit: percent}}
+constants: {all: 100 percent}
+components:
+  heater: {type: Sf, law: f = P*u/all, parameters: {P: 1 kW}}
+  water: {type: C, law: q = C*e, parameters: {C: 4 kJ/K}}
+  loss: {type: R, law: f = UA*e, parameters: {UA: 20 W/K}}
+junctions: {pot: 0}
+bonds: [heater -> pot, pot -> water, pot -> loss]
+sensors: {T: {reads: pot.e, unit: K, noise: 0.1 K}}
+"""
+
+
+@pytest.mark.parametrize("off", [{"P": 1.4}, {"C": 1.4}, {"UA": 0.6}, {}], ids=["P", "C", "UA", "none"])
+def test_of_what_shows_ratios_the_fewest_are_off(off: dict[str, float], tmp_path: Path) -> None:
+    """Power, heat store and loss have a scale in common: one that is far off is found, and the others stay as known."""
+    factors = {"P": 1.0, "C": 1.0, "UA": 1.0} | off
+    generator = np.random.default_rng(5)
+    power = np.repeat(generator.uniform(0.0, 100.0, 20), 100)
+    decay, hot, shown = np.exp(-20.0 * factors["UA"] / (4000.0 * factors["C"])), 0.0, []
+    for value in power:
+        shown.append(hot + 0.1 * generator.standard_normal())
+        hot = decay * hot + (1.0 - decay) * 10.0 * value * factors["P"] / (20.0 * factors["UA"])
+    data, model = tmp_path / "a.csv", tmp_path / "model.yaml"
+    write_recording(data, {"time": np.arange(float(len(power))), "u": power, "T": np.array(shown)})
+    model.write_text(POT, encoding="utf-8")
+    record = fitted(model, data, tmp_path / "new.yaml")
+    assert {item["name"]: item["estimate"] / item["nominal"] for item in record["parameters"]} == pytest.approx(
+        factors, rel=0.02
+    )
+    assert all(item["accuracy"] < 0.05 * item["estimate"] for item in record["parameters"])
+    assert [name for name, times in record["widened"].items() if times > 1.5] == list(off)
+    (alike,) = record["alike"]
+    assert alike == pytest.approx({"P": 0.1, "C": 0.1, "UA": 0.1}, rel=0.01)
+
+
 def estimate(name: str, nominal: float, sd: float, accuracy: float) -> Estimate:
     """A parameter of which this is left open."""
     unit = Unit("")
