@@ -8,6 +8,7 @@ import yaml
 
 from faultbond.errors import ModelError
 from faultbond.model.graph import BondGraph
+from faultbond.model.parser import number_text
 
 _MARK = "# Fitted to "
 _NUMBER = re.compile(r"\s*[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
@@ -75,7 +76,7 @@ def rewrite(
 def _scaled(text: str, times: float) -> str:
     """Give a size that is so many times larger; what follows the number stays, as of `2 % of 8.9 kPa over 600 s`."""
     match = _NUMBER.match(text)
-    return f"{float(match[0]) * times:.3g}{text[match.end() :]}" if match else text
+    return number_text(float(f"{float(match[0]) * times:.3g}")) + text[match.end() :] if match else text
 
 
 def _size_path(graph: BondGraph, size: NewSize) -> tuple[str, ...]:

@@ -31,7 +31,7 @@ from faultbond.contract.json_records import Record
 from faultbond.equations.component_network import ComponentNetwork, frame_name
 from faultbond.model.parser import to_text
 from faultbond.report.console import table, title
-from faultbond.report.numbers import with_noun
+from faultbond.report.numbers import short, with_noun
 
 UNSOLVED = 24  # sets of several parameters without a closed form that are listed
 LONGEST = 1500  # letters of a closed form on a terminal
@@ -136,8 +136,8 @@ def _noise(value: float, relative: bool) -> str:
     if math.isinf(value):
         return "singular"
     if not relative:
-        return f"{value:.2g}"
-    return f"{100 * value:.2g} %" if value < 1.0 else f"{value:.2g} times its value"
+        return short(value)
+    return f"{short(100 * value)} %" if value < 1.0 else f"{short(value)} times its value"
 
 
 def _closed(solution: Solution) -> Iterator[str]:

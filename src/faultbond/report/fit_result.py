@@ -35,7 +35,17 @@ from faultbond.model.rewrite import NewParameter, NewSize, parameter_path, rewri
 from faultbond.model.text import parse_model
 from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.doubts import stray_records, stray_remark, stray_sentence, stray_texts
-from faultbond.report.numbers import MINUS, change_text, clock_text, figure, join, recording_text, unit_text, with_noun
+from faultbond.report.numbers import (
+    MINUS,
+    change_text,
+    clock_text,
+    figure,
+    join,
+    recording_text,
+    rounded_up,
+    unit_text,
+    with_noun,
+)
 from faultbond.report.together import closest_texts
 
 ENOUGH = 10  # samples for each value that is sought
@@ -142,7 +152,7 @@ class Fitted:
             found = self.healthy_changes.get(item.name, 0.0)
             if found > 0.0 or (item.name in self.healthy_changes and item.healthy_bias > 0.0):
                 unit = replace(item.unit, text="K") if item.unit.offset else item.unit  # a difference of temperatures
-                told.append((item.name, _joined(_up(found / unit.factor), unit)))
+                told.append((item.name, _joined(rounded_up(found / unit.factor), unit)))
         return tuple(told)
 
     @property
@@ -195,7 +205,7 @@ def _new_parameter(item: Estimate) -> NewParameter:
     """Give what is to be written of a parameter; a nominal value of 0 stays where the data agree with it."""
     parameter, unit = item.parameter, item.parameter.unit
     if item.stays_zero:
-        size = _joined(_up(item.to_declare / unit.factor), unit)
+        size = _joined(rounded_up(item.to_declare / unit.factor), unit)
         return NewParameter(name=parameter.name, nominal=_joined("0", unit), others=(("accuracy", size),))
     digits = min(max(math.ceil(math.log10(abs(item.value) / item.accuracy)) + 3, 3), 15) if item.accuracy > 0 else 15
     nominal = _joined(f"{unit.from_si(item.value):.{digits}g}", unit)
@@ -213,13 +223,7 @@ def _accuracy_text(item: Estimate, *, in_unit: bool = False) -> str:
 
 def _spread_text(size: float, value: float, unit: Unit) -> str:
     """Give a standard deviation, SI, in per cent of a value; in a unit where that is 0."""
-    return f"{_up(100.0 * size / abs(value))} %" if value else _joined(_up(size / unit.factor), unit)
-
-
-def _up(value: float) -> str:
-    """Write a standard deviation with two digits, rounded up."""
-    place = math.floor(math.log10(value)) - 1 if value > 0.0 else 0
-    return f"{math.ceil(value / 10.0**place - 1e-9) * 10.0**place:.2g}"
+    return f"{rounded_up(100.0 * size / abs(value))} %" if value else _joined(rounded_up(size / unit.factor), unit)
 
 
 def _joined(number: str, unit: Unit) -> str:

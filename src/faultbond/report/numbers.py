@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from enum import Enum
 
 from faultbond.arrays import FloatArray
+from faultbond.model.parser import number_text
 
 TIMES, MINUS, NO_BREAK = "\N{MULTIPLICATION SIGN}", "\N{MINUS SIGN}", "\N{NO-BREAK SPACE}"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -19,6 +20,17 @@ VAST = 1e9  # beyond it a change in per cent, or a time, is told by its power of
 PLAIN_EXPONENTS = range(-3, 5)  # powers of ten that are written out
 PACES = ((1.0, "s"), (60.0, "min"), (3600.0, "h"), (86400.0, "d"))
 HANDY = 0.01  # part of a size by which it changes at least in the unit of time that is taken
+
+
+def short(value: float, digits: int = 2) -> str:
+    """Write a number with so few digits, and without a power of ten up to a million."""
+    return number_text(float(f"{value:.{digits}g}"))
+
+
+def rounded_up(value: float) -> str:
+    """Write a size with two digits, rounded up."""
+    place = math.floor(math.log10(value)) - 1 if value > 0.0 else 0
+    return short(math.ceil(value / 10.0**place - 1e-9) * 10.0**place)
 
 
 class Notation(Enum):

@@ -17,14 +17,13 @@ from faultbond.fit.trial import Health
 from faultbond.model.amend import Path, amended
 from faultbond.model.dump import law_text
 from faultbond.model.graph import BondGraph, SlowError, Unit
-from faultbond.model.parser import number_text
 from faultbond.model.rewrite import NewSize, parameter_path, rewrite
 from faultbond.report.analysis import heat_lines
 from faultbond.report.console import lines, table, title, under
 from faultbond.report.doubts import stray_records
 from faultbond.report.fit_result import Fitted
 from faultbond.report.health import spacing_text, where_lines
-from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, join, unit_text
+from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, join, rounded_up, short, unit_text
 from faultbond.report.suspects import unit_of
 
 MOST_LEFT = 3  # places that are named as worth a look
@@ -108,7 +107,7 @@ def _offset(whole: BondGraph, item: Imperfection) -> Iterator[tuple[Path, str]]:
     path = parameter_path(whole, parameter_name(item))
     owner = whole.component(item.law[0])
     yield (*path[:2], "law"), law_text(owner)
-    words = [f"{text} {'' if unit == '1' else unit}".rstrip() for text in (f"{size:.4g}", _up(abs(size)))]
+    words = [f"{text} {'' if unit == '1' else unit}".rstrip() for text in (f"{size:.4g}", rounded_up(abs(size)))]
     yield path, f"{{nominal: {words[0]}, accuracy: {words[1]}, range: any, suspect: no}}"
 
 
@@ -120,9 +119,9 @@ def _entry(graph: BondGraph, item: Imperfection) -> tuple[Path, str]:
     if item.kind in KIND_HOLDS:
         return (section, item.place, "hold"), KIND_HOLDS[item.kind].value
     size, unit = _sized(graph, item)
-    words = f"{_up(size)} {'' if unit == '1' else unit}".rstrip()
+    words = f"{rounded_up(size)} {'' if unit == '1' else unit}".rstrip()
     if item.kind is Kind.INPUT_NOISE:  # of a row, where it was found of a mean of some
-        of_row = f"{_up(size * math.sqrt(graph.rows_per_sample))} {unit}".rstrip()
+        of_row = f"{rounded_up(size * math.sqrt(graph.rows_per_sample))} {unit}".rstrip()
         return (section, item.place, "noise"), of_row
     path = (*parameter_path(graph, item.place), "wander") if item.kind is Kind.WANDER else ("slow_error", item.place)
     return path, f"{words} over {float(f'{item.memory:.2g}'):g} s"
@@ -142,12 +141,6 @@ def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
     if unit.offset:  # a difference of temperatures
         return item.size, "K"
     return item.size / unit.factor, unit.text
-
-
-def _up(value: float) -> str:
-    """Write a size with two digits, rounded up."""
-    place = math.floor(math.log10(value)) - 1
-    return number_text(float(f"{math.ceil(value / 10.0**place - 1e-9) * 10.0**place:.2g}"))
 
 
 def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tuple[Resized, ...]]:
@@ -197,10 +190,10 @@ def _accuracies(graph: BondGraph, times: Mapping[str, float]) -> Iterator[tuple[
     for item in graph.parameters:
         if item.accuracy > 0.0 and item.name in times:
             wider = times[item.name] * item.accuracy
-            part = f"{_up(100.0 * wider / abs(item.nominal))} %" if item.nominal else ""
+            part = f"{rounded_up(100.0 * wider / abs(item.nominal))} %" if item.nominal else ""
             yield (
                 (*parameter_path(graph, item.name), "accuracy"),
-                part or f"{_up(wider / item.unit.factor)} {item.unit.text}".rstrip(),
+                part or f"{rounded_up(wider / item.unit.factor)} {item.unit.text}".rstrip(),
             )
 
 
@@ -339,7 +332,7 @@ def _cost_rows(found: Quieted) -> Iterator[tuple[str, ...]]:
             if one is None or one.value is None:
                 texts.append("not found" if one is None else one.reason or "not found")
                 continue
-            part = f" ({100 * one.value / nominal:.2g} %)" if nominal else ""
+            part = f" ({short(100 * one.value / nominal)} %)" if nominal else ""
             texts.append(figure(unit.difference_from_si(one.value), digits=3).number() + part)
         yield item.parameter, *texts, unit_text(unit.text)
 
