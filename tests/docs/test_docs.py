@@ -58,7 +58,7 @@ RECORDS = {
         "simulation_error parameters name component nominal estimate sd sd_from_data_alone inflation accuracy "
         "determined at_end_of_range noise sensor kind declared found whiteness white statistic lags p spread mean "
         "correlation words correlations value alike widened log_likelihood log_likelihood_before changes "
-        "parameter time statistic wild starts reached settled"
+        "parameter time statistic wild starts reached settled alarms stopped"
     ),
     "structure": (
         "model model_sha256 unknowns known faults unused equations name part open redundancy detectable isolable "

@@ -83,6 +83,7 @@ def test_parameters_and_noise_are_found(model: Path, tmp_path: Path) -> None:
     assert record["noise"][0]["found"] == pytest.approx(NOISE, rel=0.1)
     assert record["whiteness"][0]["white"]
     assert record["widened"]["R"] > 2.0
+    assert not record["stopped"]
 
 
 @pytest.mark.parametrize("rows", [60, 120, 400])
@@ -217,6 +218,7 @@ def test_a_model_that_alarms_on_its_recordings_says_so(
     assert set(record["alarms"]) == {str(first), str(second)}
     assert load_model(tmp_path / "off.yaml").false_alarms == 2
     told = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"most of all R, about \S+ s of (first|second)\.csv\. Is it healthy\?", told)
     soonest = min((first, second), key=lambda path: record["alarms"][str(path)])
     assert f"It alarms on 2 of 3 healthy recordings, soonest on {soonest} at " in told
     assert call("fit", tmp_path / "off.yaml", steady, "-o", tmp_path / "right.yaml")["alarms"] == {}

@@ -816,6 +816,7 @@ def test_a_signal_once_a_climb_has_ended_keeps_what_that_found(
     fitted = json.loads(target.read_text(encoding="utf-8").splitlines()[0])
     whole = 2 if quiet else 3  # until quiet two starts that agree are enough
     assert (fitted["settled"], fitted["starts"]) == (False, 1 if what.startswith("start") else whole)
+    assert fitted["stopped"]
     assert load_model(output).parameter("R").nominal == pytest.approx(R, rel=0.02)
     said = capsys.readouterr().err.splitlines()[-1]
     assert said == f"faultbond: stopped: the model as it was found by then is in {output}."

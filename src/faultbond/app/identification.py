@@ -57,7 +57,7 @@ class Identified:
         """Give the records; `output` is the model file that was written."""
         from faultbond.report.fit_result import fit_record  # noqa: PLC0415 - loads rich
 
-        found = [fit_record(self.fitted, output)]
+        found = [fit_record(self.fitted, output, stopped=self.stopped is not None)]
         if self.quieted is not None:
             from faultbond.report.quiet_result import quiet_record  # noqa: PLC0415 - loads rich
 

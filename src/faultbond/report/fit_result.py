@@ -230,8 +230,8 @@ def _joined(number: str, unit: Unit) -> str:
     return f"{number} {unit.text}".rstrip()
 
 
-def fit_record(fitted: Fitted, output: Path | None) -> Record:
-    """Give the record of a fit; SI."""
+def fit_record(fitted: Fitted, output: Path | None, *, stopped: bool = False) -> Record:
+    """Give the record of a fit; SI. stopped: whether somebody ended it before it was done."""
     found, graph = fitted.found, fitted.graph
     sensors = [item.name for item in graph.sensors]
     recordings = [
@@ -311,6 +311,7 @@ def fit_record(fitted: Fitted, output: Path | None) -> Record:
         "starts": found.starts,
         "reached": found.reached,
         "settled": found.summit.settled,
+        "stopped": stopped,
     }
 
 
@@ -389,7 +390,8 @@ def remarks(fitted: Fitted) -> list[tuple[str, str]]:
     if fitted.found.changes:
         first = fitted.found.changes[0]
         names = join(list(dict.fromkeys(item.parameter for item in fitted.found.changes)))
-        about = f"about {clock_text(first.time)}. Is it healthy?"
+        where = f" of {Path(first.recording).name}" if len(fitted.found.records) > 1 else ""
+        about = f"about {clock_text(first.time)}{where}. Is it healthy?"
         told.append(("not steady", f"{names}; most of all {first.parameter}, {about}"))
     told += under("wanders", [_wander_text(item) for item in fitted.wanders])
     moves = [f"{name} {size}" for name, size in fitted.declared_changes]
