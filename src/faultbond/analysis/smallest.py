@@ -254,7 +254,7 @@ class _Search:
         now = progress.size[live]
         shift = self.faults.shift([cases[c] for c in live], now)
         factor = np.full(len(live), np.inf)
-        for number in np.unique(progress.trial[live]):
+        for number in np.unique(progress.trial[live[shift.whole]]):
             mine = np.flatnonzero((progress.trial[live] == number) & shift.whole)
             effects = shift.innovations[:, mine], shift.slow[:, mine]
             factor[mine] = self.detector.enough(*effects, _TRIALS[number], self.certainty)

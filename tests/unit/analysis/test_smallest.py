@@ -152,6 +152,19 @@ def test_a_plant_that_rounding_takes_elsewhere_has_no_sizes() -> None:
     assert "the least change already takes the plant elsewhere" in {item.reason for item in sizes.values()}
 
 
+def test_a_plant_with_no_solution_but_the_healthy_one() -> None:
+    """Where no size of any fault that is asked leaves the plant a solution the reason is said."""
+    text = (
+        "name: source\nsample_time: 0.1 s\ninputs: {V: {unit: V}}\ncomponents:\n"
+        "  source: {type: Se, law: e = V + WEIGHT*(A + TINY*log(SMALL - (A - 1)**2)), parameters: {A: 1}}\n"
+        "  R: {type: R, parameters: {R: 3 ohm}}\n  L: {type: I, parameters: {L: 1 H}}\njunctions: {loop: 1}\n"
+        "bonds: [source -> loop -> R, loop -> L]\nconstants: {WEIGHT: 1 V, SMALL: 1e-20, TINY: 1e-9}\n"
+        "sensors: {i: {reads: R.f, unit: A, noise: 0.01 A}}\n"
+    )
+    item = found(built(stated(text)), parameters=["A"], within=10.0)["A"]
+    assert (item.value, item.reason) == (None, "the least change already takes the plant elsewhere")
+
+
 def test_what_there_is_no_time_for_is_said(motor: Built) -> None:
     """Without time every parameter is given, none with a size, each with the reason."""
     sizes = found(motor, within=2.0, seconds=0.0)
