@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+import faultbond as fb
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.app import identification, quiet_fit
 from faultbond.app.engine import build_watcher
@@ -23,6 +24,7 @@ from faultbond.cli.program import NO_VERDICT
 from faultbond.contract.findings import Unexplained
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
+from faultbond.errors import FaultbondError
 from faultbond.fit import objective, trial
 from faultbond.fit.false_alarms import Rate
 from faultbond.fit.foothold import Added, Footing
@@ -689,6 +691,29 @@ def test_what_was_found_is_written_when_the_search_is_stopped(
         assert "The search was stopped before its end." in text
         assert "What the recordings call for" in text
         assert "nothing so far that foretells what was held back better" in text
+
+
+@pytest.mark.parametrize("error", [RuntimeError("lost"), FaultbondError("no room")])
+def test_what_was_found_is_written_when_the_search_fails(
+    error: Exception, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Minutes of search are not lost by an error at its end, which is told as ever; in Python it is raised."""
+
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(quiet_fit, "_seems_quiet", fail)
+    made = [write(tmp_path / f"{seed}.csv", seed=seed) for seed in (1, 2)]
+    output = tmp_path / "quiet.yaml"
+    words = ("--starts", "1", "--until-quiet", "-o", str(output))
+    assert main(["fit", str(model), *map(str, made), *words]) not in {DONE, 1}
+    assert load_model(output).parameter("R").nominal == pytest.approx(R, rel=0.02)
+    said = capsys.readouterr()
+    assert "The search was stopped before its end." in " ".join(said.out.split())
+    assert f"stopped: the model as it was found by then is in {output}." in said.err
+    assert str(error) in said.err.splitlines()[-1]
+    with pytest.raises(type(error), match=str(error)):
+        fb.fit(model, made, starts=1, until_quiet=True)
 
 
 class Interrupt:

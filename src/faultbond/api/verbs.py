@@ -279,6 +279,8 @@ def fit(
     given = recordings if isinstance(recordings, list | tuple) else [recordings]
     _refuse_outputs(source, given, output=output, report=report)
     found = identified(source.source, recordings_of(recordings), wishes=wishes)
+    if found.failed is not None:
+        raise found.failed
     records = found.records(path_of(output))
     fitted = FittedModel(
         record=MappingProxyType(finite(records[0])),

@@ -45,19 +45,23 @@ def _silent(_: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Identified:
-    """A model that was fitted. text: of the model file with what was found; stopped: the signal that ended it early."""
+    """A model that was fitted.
+
+    text: of the model file with what was found; stopped, failed: the signal or the error that ended it early
+    """
 
     graph: BondGraph
     fitted: Any
     quieted: Any
     text: str
     stopped: int | None = None
+    failed: Exception | None = None
 
     def records(self, output: Path | None = None) -> list[dict[str, object]]:
         """Give the records; `output` is the model file that was written."""
         from faultbond.report.fit_result import fit_record  # noqa: PLC0415 - loads rich
 
-        found = [fit_record(self.fitted, output, stopped=self.stopped is not None)]
+        found = [fit_record(self.fitted, output, stopped=self.stopped is not None or self.failed is not None)]
         if self.quieted is not None:
             from faultbond.report.quiet_result import quiet_record  # noqa: PLC0415 - loads rich
 
@@ -114,11 +118,13 @@ def fit(
         out.say(f"Report: {report}")
     if refused is not None:
         raise refused
-    if found.stopped is None:
+    if found.stopped is None and found.failed is None:
         return 0
     where = f"is in {output}" if output is not None else "is told, and in no file"
     out.warn(f"stopped: the model as it was found by then {where}.")
-    return SIGNALLED + found.stopped
+    if found.failed is not None:
+        raise found.failed
+    return SIGNALLED + (found.stopped or 0)
 
 
 def identified(
@@ -149,7 +155,12 @@ def identified(
         if wishes.until_quiet:
             quieted = _quieted(document.text, graph, read, wishes, tell)
             return Identified(
-                graph=graph, fitted=quieted.fitted, quieted=quieted, text=quieted.text, stopped=quieted.stopped
+                graph=graph,
+                fitted=quieted.fitted,
+                quieted=quieted,
+                text=quieted.text,
+                stopped=quieted.stopped,
+                failed=quieted.failed,
             )
         fitted, stopped = _fitted(graph, read, wishes, tell)
         text = fitted.model_text(document.text)

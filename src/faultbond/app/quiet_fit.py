@@ -67,7 +67,7 @@ class Attempt:
 def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Quieted:
     """Fit a model and add what the recordings call for until they are quiet, or somebody stops the search.
 
-    Who stops it gets what was found by then: no further step is begun.
+    Who stops it gets what was found by then: no further step is begun. So does who meets an error on the way.
 
     Raises
     ------
@@ -86,6 +86,8 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
         if asked_to is None:
             raise
         return replace(found, stopped=asked_to.number)
+    except Exception as error:
+        return replace(found, failed=error)
     return found
 
 

@@ -48,7 +48,7 @@ class Quieted:
     promises a time between false alarms, and promise : that time, else the one that was written; before, health : the
     model as given and as it is now, on trial, None where the search was stopped before; alarms : when the monitor
     itself alarms still, by recording; left : what the last round would have added, with what it would gain on the
-    recordings that are fitted; stopped : the signal that ended the search
+    recordings that are fitted; stopped : the signal that ended the search; failed : the error that did
     """
 
     fitted: Fitted
@@ -67,6 +67,12 @@ class Quieted:
     smallest_before: tuple[SmallestFault, ...] = ()
     smallest_after: tuple[SmallestFault, ...] = ()
     stopped: int | None = None
+    failed: Exception | None = None
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether the search ended before it was done."""
+        return self.stopped is not None or self.failed is not None
 
     @property
     def quiet(self) -> bool:
@@ -205,7 +211,7 @@ def quiet_record(found: Quieted) -> Record:
         "quiet": found.quiet,
         "held_back": list(found.held),
         "rounds": found.rounds,
-        "stopped": found.stopped is not None,
+        "stopped": found.unfinished,
         "added": [
             {
                 "kind": item.what.kind.value,
@@ -252,7 +258,7 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
     graph: the model as it was given
     """
     texts = [f"{item.what.words}: {join([x.words for x in item.alike])}" for item in found.added if item.alike]
-    so_far = "" if found.stopped is None else " so far"
+    so_far = " so far" if found.unfinished else ""
     nothing = f"nothing{so_far} that foretells what was held back better"
     told = under("as good", texts) if found.added else [("", nothing)]
     for label, sizes in (("raised", found.raised), ("lowered", found.lowered)):
@@ -361,8 +367,8 @@ def _left_lines(found: Quieted, health: Health) -> Iterator[tuple[str, str]]:
 
 def quiet_verdict(found: Quieted) -> str:
     """Say in a sentence or two what came of it."""
-    if found.stopped is not None:
-        return f"The search was stopped before its end. {quiet_verdict(replace(found, stopped=None))}"
+    if found.unfinished:
+        return f"The search was stopped before its end. {quiet_verdict(replace(found, stopped=None, failed=None))}"
     health = found.health
     if health is None:
         return "The model is as it was by then, and nobody knows yet how quiet: ask `faultbond check --data`."
