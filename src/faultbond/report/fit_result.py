@@ -116,7 +116,7 @@ class Fitted:
         return amended(text, told, graph.file)
 
     def with_false_alarms(self, text: str) -> str:
-        """Give the text of a fitted model with on how many recordings it alarms; as it was where nobody asked."""
+        """Give the text of a fitted model with the number of recordings on which it alarms; as it was where unasked."""
         if self.alarms is None or len(self.alarms) == self.graph.false_alarms:
             return text
         return amended(text, [(("false_alarms",), str(len(self.alarms)))], self.graph.file)

@@ -22,9 +22,9 @@ PACES = ((1.0, "s"), (60.0, "min"), (3600.0, "h"), (86400.0, "d"))
 HANDY = 0.01  # part of a size by which it changes at least in the unit of time that is taken
 
 
-def short(value: float, digits: int = 2) -> str:
-    """Write a number with so few digits, and without a power of ten up to a million."""
-    return number_text(float(f"{value:.{digits}g}"))
+def short(value: float) -> str:
+    """Write a number with two digits, and without a power of ten up to a million."""
+    return number_text(float(f"{value:.2g}"))
 
 
 def rounded_up(value: float) -> str:

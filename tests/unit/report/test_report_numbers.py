@@ -14,6 +14,8 @@ from faultbond.report.numbers import (
     figure,
     pace,
     probability_text,
+    rounded_up,
+    short,
     unit_text,
 )
 
@@ -40,6 +42,17 @@ def test_digits_follow_the_standard_deviation(value: float, sd: float, text: str
 def test_exact_numbers_have_no_trailing_zeros(value: float, text: str) -> None:
     """A number without standard deviation is printed as a person writes it."""
     assert figure(value).both(Notation.FILE) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "near", "above"),
+    [(523.1, "520", "530"), (12840.0, "13000", "13000"), (0.01234, "0.012", "0.013"), (2.31e-9, "2.3e-9", "2.4e-9")],
+)
+def test_two_digits_are_told_without_a_power_of_ten_where_that_is_short(value: float, near: str, above: str) -> None:
+    """A size that is declared is rounded up, so that it is no less than what was found."""
+    assert (short(value), rounded_up(value)) == (near, above)
+    assert rounded_up(float(above)) == above
+    assert short(0.0) == rounded_up(0.0) == "0"
 
 
 def test_print_notation_raises_powers() -> None:
