@@ -113,7 +113,7 @@ def finished(app: Sphinx, problem: Exception | None) -> None:
             raise SphinxError(f"what is loaded from another host: {'; '.join(found)}")
 
 
-class NotebookParser(MystParser):  # type: ignore[misc]  # where the site is not built it is not installed
+class NotebookParser(MystParser):  # type: ignore[misc, unused-ignore]  # where the site is not built it is not installed
     """Reads a notebook as the Markdown that it stands for."""
 
     supported = ("notebook",)
