@@ -57,11 +57,16 @@ class Identified:
     stopped: int | None = None
     failed: Exception | None = None
 
+    @property
+    def unfinished(self) -> bool:
+        """Whether it ended before it was done."""
+        return self.stopped is not None or self.failed is not None
+
     def records(self, output: Path | None = None) -> list[dict[str, object]]:
         """Give the records; `output` is the model file that was written."""
         from faultbond.report.fit_result import fit_record  # noqa: PLC0415 - loads rich
 
-        found = [fit_record(self.fitted, output, stopped=self.stopped is not None or self.failed is not None)]
+        found = [fit_record(self.fitted, output, stopped=self.unfinished)]
         if self.quieted is not None:
             from faultbond.report.quiet_result import quiet_record  # noqa: PLC0415 - loads rich
 
@@ -118,7 +123,7 @@ def fit(
         out.say(f"Report: {report}")
     if refused is not None:
         raise refused
-    if found.stopped is None and found.failed is None:
+    if not found.unfinished:
         return 0
     where = f"is in {output}" if output is not None else "is told, and in no file"
     out.warn(f"stopped: the model as it was found by then {where}.")

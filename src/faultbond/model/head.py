@@ -12,7 +12,7 @@ from faultbond.model.spot import Spot
 from faultbond.model.units import SECOND, measure
 from faultbond.types import TimeGrid
 
-MOST_DIGITS = 9  # of the number of false alarms
+MOST_ALARMS = 10**6  # false ones that are known
 _OF_TIME = {
     "warm_up": "no alarms to wait for",
     "row_time": "no samples that rows are averaged for",
@@ -61,6 +61,14 @@ class Head:
         return bool(self.logic_by)
 
 
+def _whole(place: Spot, least: int, most: int) -> int:
+    """Read a whole number within bounds."""
+    text = place.text()
+    if not (text.isascii() and text.isdigit() and len(text) <= len(str(most)) and least <= int(text) <= most):
+        raise place.error(f" is a whole number from {least} to {most}, not `{shown(text)}`")
+    return int(text)
+
+
 def read_head(source: Source, fields: Mapping[str, Spot], defaults: Defaults, name: str) -> Head:
     """Read the head of a model.
 
@@ -85,18 +93,8 @@ def read_head(source: Source, fields: Mapping[str, Spot], defaults: Defaults, na
         raise source.error(fields["time"].entry, problem)
     if "name" in fields:
         name = fields["name"].title()
-    max_faults = MAX_FAULTS
-    if "max_faults" in fields:
-        text = fields["max_faults"].text()
-        if not (text.isascii() and text.isdigit() and len(text) <= 2 and 1 <= int(text) <= MOST_FAULTS):
-            raise fields["max_faults"].error(f" is a whole number from 1 to {MOST_FAULTS}, not `{shown(text)}`")
-        max_faults = int(text)
-    false_alarms = 0
-    if "false_alarms" in fields:
-        text = fields["false_alarms"].text()
-        if not (text.isascii() and text.isdigit() and len(text) <= MOST_DIGITS):
-            raise fields["false_alarms"].error(f" is a whole number, 0 or more, not `{shown(text)}`")
-        false_alarms = int(text)
+    max_faults = _whole(fields["max_faults"], 1, MOST_FAULTS) if "max_faults" in fields else MAX_FAULTS
+    false_alarms = _whole(fields["false_alarms"], 0, MOST_ALARMS) if "false_alarms" in fields else 0
     for key in ("name", "max_faults"):
         if key not in fields:
             defaults.missing(MODEL_KEYS, key)
