@@ -611,14 +611,16 @@ sensors: {Q: {reads: a + b, unit: m^3/s, noise: 0.1 m^3/s}, V: {reads: c, noise:
 def test_nothing_is_added_to_a_right_model(model: Path, tmp_path: Path) -> None:
     """Where noise is all that is left, parameters and noise are fitted; the smallest fault becomes smaller.
 
-    The promise by which it is judged is written where none was stated; without it limits would be others.
+    The promise by which it is judged is written where none was stated; without it limits would be others. False alarms
+    that were known of it are not those of what it has become.
     """
     recordings = [write(tmp_path / f"{k}.csv", seed=k) for k in (1, 2)]
     promise = "time_between_false_alarms: 1 h\n"
-    model.write_text(MODEL.replace(promise, ""), encoding="utf-8")
+    model.write_text(f"{MODEL.replace(promise, '')}false_alarms: 2\n", encoding="utf-8")
     assert promising(MODEL, parse_model(MODEL))[0] == MODEL
     found = records(tmp_path, model, *recordings, "-o", tmp_path / "quiet.yaml")
     assert load_model(tmp_path / "quiet.yaml").time_between_false_alarms == found["quiet"]["promise"] == 30 * 86400.0
+    assert load_model(tmp_path / "quiet.yaml").false_alarms == 0
     assert found["quiet"]["added"] == []
     assert found["quiet"]["raised"] == []
     assert found["quiet"]["quiet"]

@@ -157,7 +157,8 @@ class Diagnosis:
     unexplained: that none of the modelled faults explains the data. advice: what to do next, the best for its cost
     first. untested: what else it could be; None where all sets are tested. within_accuracy: probability that nothing is
     at fault but what the declared accuracy allows; of that each tested set has an even share. mismatch: probability
-    that the model is off, where the alarm came by a parameter that no tested set has.
+    that the model is off, where the alarm came by a parameter that no tested set has, or the model has alarmed on
+    healthy data before.
     """
 
     time: float

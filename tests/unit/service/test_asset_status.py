@@ -1,0 +1,32 @@
+"""What a diagnosis comes to for an operator: a status of NE 107, and a line."""
+
+from dataclasses import replace
+
+import pytest
+
+from fake import kind_of, suspect, tank_graph
+from faultbond.contract.findings import Diagnosis, Unexplained
+from faultbond.service.asset_status import _status_of, diagnosis_line
+from faultbond.service.contract.messages import Ne107
+from faultbond.types import FaultKind
+
+GRAPH = tank_graph()
+PIPE = kind_of(suspect(GRAPH, "K1", 1.8, 0.02), (FaultKind.STEP, 1.0), probability=0.4)
+FOUND = Diagnosis(time=9.0, candidates=(PIPE,))
+AWAY = Unexplained(signal="flow", sd=1.2, since=1.0, until=9.0)
+
+
+@pytest.mark.parametrize(
+    ("diagnosis", "status", "line"),
+    [
+        (FOUND, Ne107.FAILURE, "pipe"),
+        (replace(FOUND, mismatch=0.4), Ne107.FAILURE, "pipe"),
+        (replace(FOUND, mismatch=0.5), Ne107.OFF_SPEC, "most likely the model is off; else pipe"),
+        (replace(FOUND, unexplained=AWAY), Ne107.OFF_SPEC, "no fault of the model explains it; nearest comes pipe"),
+        (replace(FOUND, within_accuracy=0.6), Ne107.MAINTENANCE_REQUIRED, "nothing has changed beyond what is known"),
+    ],
+)
+def test_what_speaks_against_a_fault_is_said_first(diagnosis: Diagnosis, status: Ne107, line: str) -> None:
+    """A model that is likely off, data that nothing explains, a change of no more than is known: none is a failure."""
+    assert _status_of(diagnosis) is status
+    assert diagnosis_line(GRAPH, diagnosis).startswith(line)
