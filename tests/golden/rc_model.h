@@ -75,7 +75,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0xd1a36cb11e2bff17ULL, 0xa6f6e59e50bad302ULL, 0x41a1694022e19417ULL, 0x5f917d0e88dd4a36ULL};
+static const uint64_t MODEL_HASH[] = {0x2bdc5f5bfe12b210ULL, 0x9556538d84239af2ULL, 0x3130f1a5e45fbe4eULL, 0x5b4d252de9551bcdULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -252,6 +252,8 @@ static const int INPUT_ORDER[] = {2};
 static const int SIGNAL_ORDER[] = {0};
 static const double INPUT_MOVE[] = {NAN};
 static const int INPUT_PERCENT[] = {0};
+static const double INPUT_FITTED_LOW[] = {(-INFINITY)};
+static const double INPUT_FITTED_HIGH[] = {INFINITY};
 static const int INPUT_HAS_ZERO[] = {1};
 
 static inline int model_holds(int condition, const double *FB_RESTRICT u)

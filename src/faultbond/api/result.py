@@ -210,7 +210,8 @@ class Result:
             told = " ".join([first, *(f"{note[0].upper()}{note[1:]}." for note in notes if note)])
         else:
             found = self.detection
-            told = f"Fault detected at {found.time:.9g} s in {', '.join(found.signals)}; it began at about "
+            what = "Alarm" if self.model.graph.false_alarms else "Fault detected"
+            told = f"{what} at {found.time:.9g} s in {', '.join(found.signals)}; it began at about "
             told += f"{found.change_time:.9g} s."
         head = f"<p><b>{escape(self.model.name)}</b>: {escape(told)}</p>"
         return head + table_html(self.candidates if self._says else (), SHOWN)

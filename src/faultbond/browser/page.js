@@ -190,7 +190,7 @@ function silenceText({ name, values, since, until }) {
   return `${name} from ${clockText(since)} ${until == null ? "on" : `to ${clockText(until)}`}`;
 }
 
-const alarmText = (detection) => `Fault detected at ${clockText(detection.time)}.`;
+const alarmText = (detection) => `${MODEL.falseAlarms ? "Alarm" : "Fault detected"} at ${clockText(detection.time)}.`;
 
 function factsOf(run, detection, isAtEnd) {
   const facts = [];
@@ -221,7 +221,7 @@ function element(kind, text, name = "") {
 }
 
 function showRanking(diagnosis) {
-  const shown = diagnosis ? diagnosis.candidates.filter((item, k) => k < SHOWN && (k < 3 || item.group || item.probability >= NEGLIGIBLE)) : [];
+  const shown = diagnosis ? diagnosis.candidates.filter((item, k) => k < SHOWN && (k < 3 || item.group || item.probability >= NEGLIGIBLE + diagnosis.even)) : [];
   const isSeveral = shown.filter((item, k) => item.group || k === 0).length > 1;
   const told = diagnosis ? `At ${clockText(diagnosis.time)}${isSeveral ? "; those marked ● cannot yet be told from the best" : ""}.` : "They are ranked once there is an alarm.";
   byId("ranked").textContent = told + (diagnosis?.unexplained ? " The data contradict them all: the probabilities tell only which comes nearest." : "");

@@ -111,7 +111,10 @@ function briefly(record) {
   const { parts, instruments } = faultProbabilities(record);
   const group = bestGroup(record).length;
   const candidates = record.candidates.slice(0, Math.max(SHOWN, group));
-  return { ...record, candidates, chances, parts, instruments, count: record.candidates.length, rest: record.candidates[SHOWN]?.probability };
+  // what each tested set has of what tells none from another; no more than the least has
+  const tested = record.candidates.map((item) => item.probability).filter((probability) => probability > 0);
+  const even = Math.min(...tested, (record.mismatch + record.within_accuracy) / Math.max(tested.length, 1));
+  return { ...record, even, candidates, chances, parts, instruments, count: record.candidates.length, rest: record.candidates[SHOWN]?.probability };
 }
 
 // What a candidate is called throughout a run, while the kind of fault of an instrument may change.

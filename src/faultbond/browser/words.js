@@ -133,16 +133,16 @@ function unexplainedSentence(found) {
 
 // Whether a model is held to be off as what counts as healthy had to move, and not as it alarmed on healthy data.
 const hasWalked = (diagnosis) => diagnosis.mismatch > MODEL.falseAlarms / (MODEL.falseAlarms + 1) + 1e-9;
-const alarmedBefore = () => `it alarmed on healthy data ${{ 1: "once", 2: "twice" }[MODEL.falseAlarms] ?? `${MODEL.falseAlarms} times`} before`;
+const knownAlarms = () => `it is known to alarm on healthy data (\`false_alarms: ${MODEL.falseAlarms}\`)`;
 
 // Why no candidate is claimed of what began with this alarm; empty where one is.
 function noClaim(diagnosis, detection) {
+  const most = `Most likely the model is off (${probabilityText(diagnosis.mismatch)}${NO_BREAK}%)`;
   if (diagnosis.mismatch && !(detection.walk && hasWalked(diagnosis)))
-    return `Most likely the model is off: ${alarmedBefore()}, ${certaintyText(diagnosis.mismatch)}. ` +
-      "`faultbond fit` with `--until-quiet` and healthy recordings finds what it leaves out.";
+    return `${most}: ${knownAlarms()}. \`faultbond fit\` with \`--until-quiet\` and healthy recordings finds what it leaves out.`;
   if (diagnosis.mismatch) {
     const name = detection.walk.parameter;
-    return `Most likely the model is off: ${name}, which counts as healthy, had to move too far, ${certaintyText(diagnosis.mismatch)}. ` +
+    return `${most}: ${name}, which counts as healthy, had to move too far. ` +
       `Declare the accuracy of ${name} larger, or ${MODEL.wanders.includes(name) ? "its `wander` larger or longer" : "that it wanders"}, or mend what moves it.`;
   }
   if (diagnosis.unexplained) return unexplainedSentence(diagnosis.unexplained);
@@ -220,7 +220,7 @@ function earlySentence(diagnosis, detection) {
 // What may be true beside the candidates.
 function besideText(diagnosis) {
   const told = [], left = diagnosis.untested;
-  if (diagnosis.mismatch) told.push(`With ${probabilityText(diagnosis.mismatch)}${NO_BREAK}% the model is off: ${hasWalked(diagnosis) ? "what had to move too far counts as healthy" : alarmedBefore()}.`);
+  if (diagnosis.mismatch) told.push(`With ${probabilityText(diagnosis.mismatch)}${NO_BREAK}% the model is off: each set that is tested has an even share of this in its percentage.`);
   if (diagnosis.within_accuracy >= NEGLIGIBLE)
     told.push(`With ${probabilityText(diagnosis.within_accuracy)}${NO_BREAK}% no part that is tested changed by more than its declared accuracy allows a healthy one.`);
   if (left && left.sets)

@@ -306,7 +306,7 @@ def _add_run(verbs: Subparsers) -> None:
         return CODES[app.run(arguments.model, arguments.recording, wanted=wanted, out=out)]
 
     example = "faultbond run model.yaml faulty.csv --report report.html"
-    summary = "watch a recording, detect a fault and diagnose it; exit code 1: there is one, 4: no verdict"
+    summary = "watch a recording, detect a fault and diagnose it; exit code 1: an alarm, 4: no verdict"
     parser = _add_verb(verbs, "run", call, summary, example)
     add = parser.add_argument
     add("recording", metavar="REC", help="recording, CSV or Parquet; - is CSV on standard input, live")

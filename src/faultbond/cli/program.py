@@ -24,7 +24,7 @@ NOBODY_READS = 141  # as shells report a pipe that was closed
 GROWING = ("run", "demo", "serve")  # verbs whose records are read while they run
 TRACEBACK = "FAULTBOND_TRACEBACK"
 EXIT_CODES = (
-    "Exit codes: 0 done; 1 `run` detected a fault; 2 a mistake in the command, the model or the recording; 3 a "
+    "Exit codes: 0 done; 1 `run` raised an alarm; 2 a mistake in the command, the model or the recording; 3 a "
     "defect of faultbond; 4 no verdict could be given; 130 stopped by Ctrl-C, 143 and 129 by the signals TERM and HUP."
 )
 

@@ -8,7 +8,8 @@
 
    Parts are components, sensors and inputs, numbered as in `EngineSpec.parts`; tables of parts, inputs and signals: _COST,
    and _ORDER, which comes first of checks that are worth the same. INPUT_MOVE: by how much an input may be moved, SI; nan:
-   the model file does not say. INPUT_HAS_ZERO: 0 where it is a value like any other, as in degC. */
+   the model file does not say. INPUT_HAS_ZERO: 0 where it is a value like any other, as in degC. INPUT_FITTED_LOW and _HIGH:
+   where it was in the recordings of a fit, SI. */
 #ifndef FB_ADVICE_H
 #define FB_ADVICE_H
 
@@ -242,8 +243,8 @@ static void find_looks(const Diagnosis *found, const Rivals *rivals, Advice *adv
 }
 
 /* The values to which input k may be moved, the nearest first, and how many: up and down, not beyond where it has been. Zero
-   counts as a place where it has been, but for that of degC, which is no special one. Percentages may go from 0 to 100;
-   how far a stated move may go is left to whoever stated it. */
+   counts as a place where it has been, but for that of degC, which is no special one. Percentages may go from 0 to 100. None
+   goes to where the model was not fitted; how far a stated move may go is left to whoever stated it. */
 static int values_of(const Inputs *inputs, double now, int k, double *values)
 {
     const double stated = INPUT_MOVE[k];
@@ -257,7 +258,11 @@ static int values_of(const Inputs *inputs, double now, int k, double *values)
     if (INPUT_PERCENT[k]) {
         low = 0.0;
         high = full = 100.0;
-    } else if (!isnan(stated)) {
+    }
+    if (isnan(stated)) {
+        low = larger(low, INPUT_FITTED_LOW[k]);
+        high = smaller(high, INPUT_FITTED_HIGH[k]);
+    } else if (!INPUT_PERCENT[k]) {
         low = -INFINITY;
         high = INFINITY;
     }
@@ -352,10 +357,12 @@ static int comes_before(const Check *check, const Check *other)
     return worth > more || (worth == more && order[0] < order[1]);
 }
 
-/* Give what to do next after a diagnosis; nothing while one candidate stands alone. */
+/* Give what to do next after a diagnosis; nothing while one candidate stands alone, nor where most likely the model is off: to
+   expect anything of a move it would have to be right. */
 static void advise(const State *state, const Diagnosis *found, Rivals *rivals, Filters *filters, Advice *advice)
 {
     memset(advice, 0, sizeof *advice);
+    if (found->mismatch > 0.0) return;
     find_rivals(found, rivals);
     advice->n_rivals = rivals->n;
     if (rivals->n < 2) return;

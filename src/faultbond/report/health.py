@@ -199,7 +199,9 @@ def health_verdict(graph: BondGraph, found: Health) -> str:
     """Say in a sentence what came of it."""
     if found.keeps:
         often = spacing_text(found.between)
-        return f"The model keeps the promise: a false alarm every {often}, as far as these recordings tell."
+        kept = f"The model keeps the promise: a false alarm every {often}, as far as these recordings tell."
+        known = f" So `false_alarms: {graph.false_alarms}` of the model may go." if graph.false_alarms else ""
+        return kept + known
     if found.walk > 1.0:  # what else is declared is no cure of that
         far = f"the healthy model has to move {found.walker} as far as for an alarm"
         return f"The model does not keep the promise: {far}. {cure_of_walk(graph, found.walker)}"

@@ -24,7 +24,7 @@ from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.doubts import active_texts, doubtful
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
 from faultbond.report.oddities import oddities
-from faultbond.report.reservations import times_text
+from faultbond.report.reservations import known_alarms
 from faultbond.report.suspects import owner_title
 from faultbond.report.together import together_texts
 from faultbond.report.verdict import step_text, unfalsifiable_text
@@ -584,7 +584,7 @@ def _print_method(console: Console, seen: Inventory) -> None:
             *([("rows", _rows_text(graph))] if graph.row_time is not None else []),
             ("warm-up", f"no alarms in the first {spec.thresholds.warm_up_samples} samples"),
             *([("false alarms", f"one in {duration_text(promised)} at most, on average")] if promised else []),
-            *([("known", f"it alarmed on healthy data {times_text(graph)}")] if graph.false_alarms else []),
+            *([("known", known_alarms(graph))] if graph.false_alarms else []),
             ("in time", f"{METHOD}; {substeps}"),
             ("hypotheses", f"{sets or 'none'}; {count_lanes(spec)} filters after an alarm"),
             *([("not tested", f"{text}: would explain anything")] if (text := unfalsifiable_text(spec)) else []),

@@ -28,13 +28,13 @@ def reason_for_none(graph: BondGraph, diagnosis: Diagnosis, began: Detection) ->
 
 def _off_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> str:
     """Say that most likely the model is off, why, and what to do about it."""
-    sure, walk = certainty_text(diagnosis.mismatch), began.walk
+    most, walk = f"Most likely the model is off ({probability_text(diagnosis.mismatch)} %)", began.walk
     if walk is not None and has_walked(graph, diagnosis):
-        told = f"Most likely the model is off: {walk.parameter}, which counts as healthy, had to move too far, {sure}."
+        told = f"{most}: {walk.parameter}, which counts as healthy, had to move too far."
         return f"{told} {cure_of_walk(graph, walk.parameter)}"
     return (
-        f"Most likely the model is off: it alarmed on healthy data {times_text(graph)} before, {sure}. "
-        "`faultbond fit` with `--until-quiet` and healthy recordings finds what it leaves out."
+        f"{most}: {known_alarms(graph)}. `faultbond fit` with `--until-quiet` and healthy recordings finds what it "
+        "leaves out."
     )
 
 
@@ -43,9 +43,9 @@ def has_walked(graph: BondGraph, diagnosis: Diagnosis) -> bool:
     return diagnosis.mismatch > graph.false_alarms / (graph.false_alarms + 1.0) + 1e-9
 
 
-def times_text(graph: BondGraph) -> str:
-    """Say how often a model is known to have alarmed on healthy data."""
-    return {1: "once", 2: "twice"}.get(graph.false_alarms, f"{graph.false_alarms} times")
+def known_alarms(graph: BondGraph) -> str:
+    """Say that a model is known to alarm on healthy data, and by which key of it that is known."""
+    return f"it is known to alarm on healthy data (`false_alarms: {graph.false_alarms}`)"
 
 
 def unexplained_sentence(found: Unexplained) -> str:
@@ -160,20 +160,18 @@ def _model_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) ->
     )
 
 
-def beside(graph: BondGraph, diagnosis: Diagnosis) -> str:
+def beside(diagnosis: Diagnosis) -> str:
     """Say what may be true beside the candidates."""
-    told = (mismatch_sentence(graph, diagnosis), within_sentence(diagnosis), untested_sentence(diagnosis))
+    told = (mismatch_sentence(diagnosis), within_sentence(diagnosis), untested_sentence(diagnosis))
     return " ".join(filter(None, told))
 
 
-def mismatch_sentence(graph: BondGraph, diagnosis: Diagnosis) -> str:
-    """Say how likely it is that the model is off; empty where nothing tells of that."""
+def mismatch_sentence(diagnosis: Diagnosis) -> str:
+    """Say how likely it is that the model is off, beside the percentages of sets; empty where nothing tells of that."""
     if not diagnosis.mismatch:
         return ""
     percent = probability_text(diagnosis.mismatch)
-    before = f"it alarmed on healthy data {times_text(graph)} before"
-    why = "what had to move too far counts as healthy" if has_walked(graph, diagnosis) else before
-    return f"With {percent} % the model is off: {why}."
+    return f"With {percent} % the model is off: each set that is tested has an even share of this in its percentage."
 
 
 def within_sentence(diagnosis: Diagnosis) -> str:

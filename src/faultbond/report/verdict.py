@@ -143,7 +143,7 @@ class RunView:
 def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Notation) -> RunView:
     """Give all that is to be said of a run."""
     history = judged(history, counts)
-    events = [(item.time, detection_sentence(item), True) for item in history.detections]
+    events = [(item.time, detection_sentence(graph, item), True) for item in history.detections]
     events += [(item.time, accepted_sentence(graph, item), False) for item in history.accepted]
     events += [(item.time, rejected_sentence(graph, item), False) for item in history.rejected]
     diagnosis = open_diagnosis(history)
@@ -168,7 +168,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
         rows=rows,
         several=sum(row.group for row in rows) > 1,
         remainder=remainder_text(diagnosis, rows) if diagnosis else "",
-        left_out=beside(graph, diagnosis) if diagnosis else "",
+        left_out=beside(diagnosis) if diagnosis else "",
         contradicted=diagnosis is not None and diagnosis.unexplained is not None,
         checks=check_rows(graph, diagnosis, notation) if diagnosis else (),
         notes=_notes(counts),
@@ -229,23 +229,27 @@ def fault_probabilities(diagnosis: Diagnosis, *, instruments: bool) -> dict[str,
     return totals
 
 
-def detection_sentence(detection: Detection) -> str:
-    """Say when the alarm came, in which signals or by which walk, and how long after the onset."""
+def detection_sentence(graph: BondGraph, detection: Detection) -> str:
+    """Say when the alarm came, in which signals or by which walk, and how long after the onset.
+
+    Of a model that is known to alarm on healthy data an alarm is no fault by itself.
+    """
+    what = "Alarm" if graph.false_alarms else "Fault detected"
     if detection.walk is not None:
-        return _walk_sentence(detection, detection.walk)
+        return _walk_sentence(what, detection, detection.walk)
     where = f" in {join(detection.signals)}" if detection.signals else ""
     delay = detection.time - detection.change_time
     after = f"delay {duration_text(delay)}" if delay >= 0.0 else "by the clock as it was before it was set back"
     return (
-        f"Fault detected at {clock_text(detection.time)}{where}; "
+        f"{what} at {clock_text(detection.time)}{where}; "
         f"it began at about {clock_text(detection.change_time)} ({after})."
     )
 
 
-def _walk_sentence(detection: Detection, walk: Walk) -> str:
+def _walk_sentence(what: str, detection: Detection, walk: Walk) -> str:
     """Say that the healthy filter had to follow a parameter too far."""
     named = f"{walk.parameter} and others, which" if walk.together else f"{walk.parameter}, which"
-    told = f"Fault detected at {clock_text(detection.time)}, by {named} the healthy model had to move"
+    told = f"{what} at {clock_text(detection.time)}, by {named} the healthy model had to move"
     began = clock_text(detection.change_time)
     if walk.from_start:
         return f"{told} {walk.sd:.1f} times as far as its accuracy: it was there from {began} on."
@@ -302,7 +306,7 @@ def ranking_text(graph: BondGraph, diagnosis: Diagnosis) -> str:
         told.append(f"         ... and {len(left) - RANKED_SETS} more")
     if diagnosis.unexplained is not None:
         told.append(unexplained_sentence(diagnosis.unexplained))
-    return "\n".join([*told, *filter(None, [beside(graph, diagnosis)])])
+    return "\n".join([*told, *filter(None, [beside(diagnosis)])])
 
 
 def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, notation: Notation) -> str:
@@ -390,9 +394,9 @@ def _suspect_name(graph: BondGraph, suspect: Suspect) -> str:
 
 def table_rows(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> tuple[TableRow, ...]:
     """Give the rows of the ranked table that are worth a look, best first."""
-    rows = []
+    rows, worth = [], NEGLIGIBLE + even_share(diagnosis)
     for place, candidate in enumerate(diagnosis.candidates[:TABLE_ROWS]):
-        if place < 3 or candidate.group or candidate.probability >= NEGLIGIBLE:
+        if place < 3 or candidate.group or candidate.probability >= worth:
             suspects = [
                 rows_of(graph, suspect, notation, "+ " if number else "")
                 for number, suspect in enumerate(candidate.suspects)
@@ -425,6 +429,12 @@ def remainder_text(diagnosis: Diagnosis, rows: Sequence[TableRow]) -> str:
     bound = max(candidate.probability for candidate in left)
     limit = 0.1 if bound < 0.001 else math.ceil(1000.0 * bound + 1e-9) / 10.0
     return f"... and {len(left)} more below {limit:g} %"
+
+
+def even_share(diagnosis: Diagnosis) -> float:
+    """Give what each tested set has in its probability of what tells none from another; no more than the least has."""
+    tested = [item.probability for item in diagnosis.candidates if item.probability > 0.0]
+    return min([*tested, (diagnosis.mismatch + diagnosis.within_accuracy) / max(len(tested), 1)])
 
 
 def _span(graph: BondGraph, history: History, counts: RunCounts) -> float:

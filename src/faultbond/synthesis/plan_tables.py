@@ -200,6 +200,8 @@ def _check_tables(spec: EngineSpec) -> Iterable[str]:
     stated = [moves[name].move if name in moves else None for name in inputs]
     yield numbers("INPUT_MOVE", (np.nan if move is None else move for move in stated))
     yield integers("INPUT_PERCENT", (item.percent for item in spec.inputs))
+    for end, name in enumerate(("LOW", "HIGH")):
+        yield numbers(f"INPUT_FITTED_{name}", (item.fitted_range[end] for item in spec.inputs))
     yield integers("INPUT_HAS_ZERO", (not item.unit_offset for item in spec.inputs))
     if signals:
         yield numbers("SIGNAL_NOISE", (item.noise for item in signals.values()))

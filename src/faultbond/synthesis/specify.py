@@ -258,6 +258,7 @@ def _input(item: Input, *, acts: bool) -> InputSpec:
         hold=item.hold,
         smooth=item.smooth,
         healthy_bias=item.healthy_bias,
+        **({} if item.fitted_range is None else {"fitted_range": item.fitted_range}),
     )
 
 

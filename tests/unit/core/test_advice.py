@@ -46,14 +46,17 @@ inputs:
   P1: {unit: percent}
   P2: {unit: percent}
   V2: {unit: V}
+  P3: {unit: percent, fitted_range: [30, 80]}
+  V3: {unit: V, fitted_range: [2, 6]}
+  V4: {unit: V, fitted_range: [2, 6]}
 components:
-  source: {type: Se, law: e = A*(P0 + P1 + P2) + V0 + V1 + V2 + B*(T0 + T1 + T2)}
+  source: {type: Se, law: e = A*(P0 + P1 + P2 + P3) + V0 + V1 + V2 + V3 + V4 + B*(T0 + T1 + T2)}
   series: {type: R, parameters: {R1: 10 ohm}}
   cell: {type: C, parameters: {C1: 1 F}}
 junctions: {loop: 1}
 bonds: [source -> loop, loop -> series, loop -> cell]
 sensors: {v: {reads: cell.e, unit: V, noise: 10 mV}}
-checks: {T2: {move: 5 K}, P1: {move: 20}, P2: {move: 20}, V2: {move: 3}}
+checks: {T2: {move: 5 K}, P1: {move: 20}, P2: {move: 20}, V2: {move: 3}, V4: {move: 3}}
 """
 BY_HAND = """\
 checks:
@@ -185,6 +188,15 @@ def test_a_candidate_alone_needs_no_advice() -> None:
     assert single(leaking(), leak=0.9, outlet=0.1) != ()
 
 
+def test_a_model_that_is_off_gives_no_advice() -> None:
+    """What would be expected of a move is as wrong as the model."""
+    graph, spec, _ = plant("tank")
+    known = Monitor(build_core(build_plant(graph), replace(spec, false_alarms=1)))
+    known._state[:] = leaking()._state
+    assert single(leaking(), leak=0.5, outlet=0.5) != ()
+    assert single(known, leak=0.5, outlet=0.5) == ()
+
+
 def test_costs_order_the_advice() -> None:
     """What tells more for its cost comes first; a part that is dear to look at goes back."""
     found = single(checked(), leak=0.5, outlet=0.3, tank=0.2)
@@ -234,6 +246,9 @@ def tools() -> Bare:
         ("P1", (20.0, 30.0), 85.0, [100.0, 65.0]),
         ("P2", (20.0, 30.0), 95.0, [75.0]),  # to the end it would be a quarter of the move only
         ("V2", (1.0, 2.0), 2.0, [5.0, -1.0]),  # how far is left to whoever stated it
+        ("P3", (20.0, 30.0), 45.0, [65.0, 30.0, 80.0]),  # nothing is known of where it was not fitted
+        ("V3", (0.0, 10.0), 4.5, [6.0, 2.5, 2.0]),
+        ("V4", (1.0, 7.0), 2.0, [5.0, -1.0]),
     ],
 )
 def test_where_an_input_may_be_moved(name: str, seen: tuple[float, float], now: float, expected: list[float]) -> None:

@@ -48,6 +48,17 @@ def health(*, peak: float = 0.4, between: float = 1e9, walk: float = 0.3) -> Hea
     )
 
 
+def test_false_alarms_that_were_mended_may_go() -> None:
+    """Of a model that keeps its promise nothing is to be held against it any more; of another one all is."""
+    known = replace(GRAPH, false_alarms=2)
+    assert (
+        health_verdict(known, health())
+        == health_verdict(GRAPH, health()) + " So `false_alarms: 2` of the model may go."
+    )
+    off = health(peak=1.3, between=1e3)
+    assert health_verdict(known, off) == health_verdict(GRAPH, off)
+
+
 @pytest.mark.parametrize("peak", [0.4, 1.3])
 def test_a_parameter_that_walks_too_far_is_named_with_its_cure(peak: float) -> None:
     """Neither noise nor a time between false alarms, which may be long, says what is wrong then."""

@@ -121,7 +121,7 @@ def test_a_clock_that_was_set_back_gives_no_time_below_none(history: History) ->
     told = verdict_sentence(GRAPH, back, RunCounts(samples=90, clock_jumps=1), Notation.FILE)
     assert told == "No fault found in 90 samples (90 s)."
     (alarm,) = history.detections
-    late = detection_sentence(replace(alarm, time=10.0, change_time=30.0))
+    late = detection_sentence(GRAPH, replace(alarm, time=10.0, change_time=30.0))
     assert late.endswith("it began at about 30 s (by the clock as it was before it was set back).")
 
 
@@ -218,13 +218,15 @@ def test_a_model_that_is_off_is_told_with_its_cure(history: History) -> None:
     diagnosis = replace(shown.diagnoses[-1], mismatch=0.9)
     shown = replace(shown, detections=(alarm,), open=alarm, diagnoses=(diagnosis,))
     told = verdict_sentence(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
-    off = "Most likely the model is off: K3, which counts as healthy, had to move too far, 90 % sure. Declare the "
+    off = "Most likely the model is off (90.0 %): K3, which counts as healthy, had to move too far. Declare the "
     assert told.startswith(off)
     assert (
         "accuracy of K3 larger, or that it wanders, or mend what moves it. Nearest comes a change of the pipe" in told
     )
     view = view_of(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
-    assert view.left_out == "With 90.0 % the model is off: what had to move too far counts as healthy."
+    assert view.left_out == (
+        "With 90.0 % the model is off: each set that is tested has an even share of this in its percentage."
+    )
 
 
 def test_a_model_that_is_known_to_alarm_is_told_with_its_cure(history: History) -> None:
@@ -237,11 +239,12 @@ def test_a_model_that_is_known_to_alarm_is_told_with_its_cure(history: History) 
     for alarm in (shown.detections[-1], walked):
         shown = replace(shown, detections=(alarm,), open=alarm, diagnoses=(diagnosis,))
         told = verdict_sentence(graph, shown, RunCounts(samples=9), Notation.FILE)
-        off = "Most likely the model is off: it alarmed on healthy data twice before, 66 % sure. `faultbond fit`"
-        assert told.startswith(off)
+        off = "Most likely the model is off (66.7 %): it is known to alarm on healthy data (`false_alarms: 2`). "
+        assert told.startswith(off + "`faultbond fit`")
+        assert detection_sentence(graph, alarm).startswith("Alarm at ")
         assert "Nearest comes a change of the pipe" in told
         view = view_of(graph, shown, RunCounts(samples=9), Notation.FILE)
-        assert view.left_out == "With 66.7 % the model is off: it alarmed on healthy data twice before."
+        assert view.left_out.startswith("With 66.7 % the model is off: ")
 
 
 def test_verdict_of_a_pair_names_both(history: History) -> None:
@@ -335,21 +338,21 @@ def test_detection_without_diagnosis_says_so(history: History) -> None:
 
 def test_alarm_names_signal_onset_and_delay(history: History) -> None:
     """The alarm is dated on the recording's clock."""
-    text = detection_sentence(history.detections[0])
+    text = detection_sentence(GRAPH, history.detections[0])
     assert text == "Fault detected at 876 s in flow; it began at about 609 s (delay 4.45 min)."
 
 
 def test_alarm_by_a_walk_names_the_parameter(history: History) -> None:
     """And from when on it was there."""
     alarm = replace(history.detections[0], walk=Walk(parameter="K1", sd=8.04, from_start=False))
-    text = detection_sentence(alarm)
+    text = detection_sentence(GRAPH, alarm)
     assert text.startswith(
         "Fault detected at 876 s, by K1, which the healthy model had to move 8.0 times as far as is usual;"
     )
     assert "it began after 609 s" in text
-    first = detection_sentence(replace(alarm, walk=Walk(parameter="K1", sd=3.6, from_start=True)))
+    first = detection_sentence(GRAPH, replace(alarm, walk=Walk(parameter="K1", sd=3.6, from_start=True)))
     assert first.endswith("3.6 times as far as its accuracy: it was there from 609 s on.")
-    all_ = detection_sentence(replace(alarm, walk=Walk(parameter="K1", sd=3.4, from_start=False, together=True)))
+    all_ = detection_sentence(GRAPH, replace(alarm, walk=Walk(parameter="K1", sd=3.4, from_start=False, together=True)))
     assert "by K1 and others, which the healthy model had to move 3.4 times as far as is usual;" in all_
 
 
@@ -396,6 +399,22 @@ def test_negligible_candidates_are_not_listed() -> None:
     rows = table_rows(GRAPH, sure, Notation.FILE)
     assert len(rows) == 3
     assert remainder_text(sure, rows) == f"... and {len(sure.candidates) - 3} more below 0.1 %"
+
+
+@pytest.mark.parametrize("off", [0.0, 0.5])
+def test_an_even_share_of_what_tells_none_apart_is_no_finding(off: float) -> None:
+    """Sets that have that alone are counted, not listed; as much that the data say of them is."""
+    names = ("K1", "K2", "K3", "K4", "K7", "K8")
+    of_sets = (0.4 + off / 6, *(5 * [(0.6 - off) / 5 + off / 6]))
+    candidates = tuple(
+        replace(kind_of(suspect(GRAPH, name, 1.5, 0.1), (FaultKind.STEP, 1.0), probability=share), group=False)
+        for name, share in zip(names, of_sets, strict=True)
+    )
+    told = Diagnosis(time=0.0, candidates=candidates, mismatch=off)
+    assert len(table_rows(GRAPH, told, Notation.FILE)) == 6
+    sure = tuple(replace(item, probability=off / 6) for item in candidates[1:])
+    told = replace(told, candidates=(replace(candidates[0], probability=1.0 - 5 * off / 6), *sure))
+    assert len(table_rows(GRAPH, told, Notation.FILE)) == 3
 
 
 def test_component_probability_sums_over_sets(history: History) -> None:
