@@ -224,21 +224,22 @@ function showRanking(diagnosis) {
   const shown = diagnosis ? diagnosis.candidates.filter((item, k) => k < SHOWN && (k < 3 || item.group || item.probability >= NEGLIGIBLE + diagnosis.even)) : [];
   const isSeveral = shown.filter((item, k) => item.group || k === 0).length > 1;
   const told = diagnosis ? `At ${clockText(diagnosis.time)}${isSeveral ? "; those marked ● cannot yet be told from the best" : ""}.` : "They are ranked once there is an alarm.";
-  byId("ranked").textContent = told + (diagnosis?.unexplained ? " The data contradict them all: the probabilities tell only which comes nearest." : "");
-  byId("ranking").replaceChildren(...shown.map((candidate, k) => rankOf(candidate, isSeveral && (candidate.group || k === 0), k === 0)));
+  byId("ranked").textContent = told + (diagnosis?.unexplained ? " The data contradict them all: their order tells which comes nearest, and none is likely." : "");
+  byId("ranking").replaceChildren(...shown.map((candidate, k) => rankOf(candidate, isSeveral && (candidate.group || k === 0), k === 0, Boolean(diagnosis.unexplained))));
   const left = diagnosis ? diagnosis.count - shown.length : 0;
   byId("remainder").textContent = [left > 0 ? `... and ${left} more.` : "", diagnosis ? besideText(diagnosis) : ""].join(" ").trim();
 }
 
-function rankOf(candidate, isMarked, isFirst) {
+// A candidate of the ranking; where the data contradict all of them none has a probability that is worth a look.
+function rankOf(candidate, isMarked, isFirst, isContradicted) {
   const made = element("li", "", candidate.group || isFirst ? "group" : "");
   const line = element("div", "", "line"), bar = element("span", "", "bar"), fill = element("i", "");
   line.append(element("span", titleOf(candidate), "name"), element("span", candidate.kind || "", "kind"));
   if (isMarked) line.append(element("span", "●", "mark"));
-  line.append(element("b", `${probabilityText(candidate.probability)} %`));
+  if (!isContradicted) line.append(element("b", `${probabilityText(candidate.probability)} %`));
   fill.style.width = `${(100 * candidate.probability).toFixed(1)}%`;
   bar.append(fill);
-  made.append(line, bar, ...suspectsOf(candidate).map(([name, item]) => element("p", estimateText(name, item), "what")));
+  made.append(line, ...(isContradicted ? [] : [bar]), ...suspectsOf(candidate).map(([name, item]) => element("p", estimateText(name, item), "what")));
   return made;
 }
 

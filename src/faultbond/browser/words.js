@@ -221,7 +221,7 @@ function earlySentence(diagnosis, detection) {
 function besideText(diagnosis) {
   const told = [], left = diagnosis.untested;
   if (diagnosis.mismatch) told.push(`With ${probabilityText(diagnosis.mismatch)}${NO_BREAK}% the model is off: each set that is tested has an even share of this in its percentage.`);
-  if (diagnosis.within_accuracy >= NEGLIGIBLE)
+  if (diagnosis.within_accuracy >= NEGLIGIBLE && !diagnosis.unexplained)
     told.push(`With ${probabilityText(diagnosis.within_accuracy)}${NO_BREAK}% no part that is tested changed by more than its declared accuracy allows a healthy one.`);
   if (left && left.sets)
     told.push(`Another ${left.sets} sets were too many to be tested; ` + (left.probability >= 1

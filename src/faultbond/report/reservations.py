@@ -176,7 +176,7 @@ def mismatch_sentence(diagnosis: Diagnosis) -> str:
 
 def within_sentence(diagnosis: Diagnosis) -> str:
     """Say how likely it is that nothing is at fault but what the declared accuracy allows; empty where it hardly is."""
-    if diagnosis.within_accuracy < NEGLIGIBLE:
+    if diagnosis.within_accuracy < NEGLIGIBLE or diagnosis.unexplained is not None:
         return ""
     percent = probability_text(diagnosis.within_accuracy)
     return f"With {percent} % no part that is tested changed by more than its declared accuracy allows a healthy one."

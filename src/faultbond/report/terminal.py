@@ -14,7 +14,7 @@ from faultbond.report.verdict import RunCounts, TableRow, view_of
 
 TABLE_WIDTH = 112  # columns of the ranked table, whose units are long, where the output is a file or a pipe
 GROUP_MARK = "●"
-CONTRADICTED = "The data contradict them all; the percentages tell only which comes nearest."
+CONTRADICTED = "The data contradict them all: their order tells which comes nearest, and none is likely."
 WHOLE = ("kind", "nominal", "estimate ± sd", "change", "%")  # columns that are not folded
 RIGHT = ("nominal", "change", "%")
 STYLES = {"fault": "bold", "open": "bold yellow", "partial": "bold yellow", "healthy": "bold green"}

@@ -102,7 +102,7 @@ class RunCounts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableRow:
-    """One candidate of the ranked table."""
+    """One candidate of the ranked table; where the data contradict all of them none has a probability to be told."""
 
     suspects: tuple[SuspectRow, ...]
     kinds: tuple[str, ...]  # lines: the kind of fault, or several with their shares
@@ -394,7 +394,7 @@ def _suspect_name(graph: BondGraph, suspect: Suspect) -> str:
 
 def table_rows(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> tuple[TableRow, ...]:
     """Give the rows of the ranked table that are worth a look, best first."""
-    rows, worth = [], NEGLIGIBLE + even_share(diagnosis)
+    rows, worth, is_contradicted = [], NEGLIGIBLE + even_share(diagnosis), diagnosis.unexplained is not None
     for place, candidate in enumerate(diagnosis.candidates[:TABLE_ROWS]):
         if place < 3 or candidate.group or candidate.probability >= worth:
             suspects = [
@@ -404,8 +404,8 @@ def table_rows(graph: BondGraph, diagnosis: Diagnosis, notation: Notation) -> tu
             row = TableRow(
                 suspects=tuple(chain.from_iterable(suspects)),
                 kinds=_kinds_told(candidate),
-                probability=candidate.probability,
-                percent=probability_text(candidate.probability),
+                probability=0.0 if is_contradicted else candidate.probability,
+                percent="" if is_contradicted else probability_text(candidate.probability),
                 group=candidate.group or place == 0,
             )
             rows.append(row)
@@ -426,6 +426,8 @@ def remainder_text(diagnosis: Diagnosis, rows: Sequence[TableRow]) -> str:
     left = diagnosis.candidates[len(rows) :]
     if not left:
         return ""
+    if diagnosis.unexplained is not None:
+        return f"... and {len(left)} more"
     bound = max(candidate.probability for candidate in left)
     limit = 0.1 if bound < 0.001 else math.ceil(1000.0 * bound + 1e-9) / 10.0
     return f"... and {len(left)} more below {limit:g} %"

@@ -417,6 +417,20 @@ def test_an_even_share_of_what_tells_none_apart_is_no_finding(off: float) -> Non
     assert len(table_rows(GRAPH, told, Notation.FILE)) == 3
 
 
+def test_where_the_data_contradict_all_nothing_is_called_likely(history: History) -> None:
+    """They are ranked, and counted, by nearness alone; nor is it told how likely it is that nothing is at fault."""
+    found = Unexplained(signal="flow", sd=4.0, since=1.0, until=9.0)
+    contradicted = replace(history.diagnoses[0], unexplained=found, within_accuracy=0.4)
+    rows = table_rows(GRAPH, contradicted, Notation.FILE)
+    assert {(row.percent, row.probability) for row in rows} == {("", 0.0)}
+    assert [row.suspects for row in rows] == [
+        row.suspects for row in table_rows(GRAPH, history.diagnoses[0], Notation.FILE)[: len(rows)]
+    ]
+    assert remainder_text(contradicted, rows) == f"... and {len(contradicted.candidates) - len(rows)} more"
+    shown = replace(history, diagnoses=(contradicted,))
+    assert view_of(GRAPH, shown, RunCounts(samples=9), Notation.FILE).left_out == ""
+
+
 def test_component_probability_sums_over_sets(history: History) -> None:
     """A component is as probable as all sets together that contain it."""
     diagnosis = history.diagnoses[0]

@@ -129,7 +129,7 @@ def _candidates(records: Path) -> Iterator[Mapping[str, Any]]:
             "components": list(item.get("components", ())),
             "kind": item.get("kind") or "",
             "probability": item["probability"],
-            "percent": probability_text(item["probability"]),
+            "percent": "" if last.get("unexplained") else probability_text(item["probability"]),
             "group": bool(item.get("group")),
             "change": ", ".join(filter(None, changes)),
         }

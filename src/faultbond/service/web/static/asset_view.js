@@ -2,7 +2,7 @@
 
 import { reportPath } from "./connection.js";
 import { ACTIONS, askFor, titleOf } from "./deeds.js";
-import { alarmMark, capital, conditionOf, countText, make, momentText, renew, symbol } from "./elements.js";
+import { alarmMark, capital, conditionOf, countText, make, momentText, percentText, renew, symbol } from "./elements.js";
 import { Picture } from "./picture.js";
 import { Chances, Trends } from "./trends.js";
 
@@ -147,7 +147,7 @@ export class AssetView {
       ? `${capital(countWord(rows.filter((row) => row.group).length))} explanations, marked ●, cannot be told apart yet.`
       : "The best explanation stands apart from the others.";
     renew(this.list, { worth, several }, () => worth.map((row) => rowOf(row, several)));
-    const beside = [rows.length ? this.asset.remainder : "", this.asset.left_out, this.asset.contradicted ? "The data contradict them all: the probabilities tell only which comes nearest." : ""].filter(Boolean).join(" ");
+    const beside = [rows.length ? this.asset.remainder : "", this.asset.left_out, this.asset.contradicted ? "The data contradict them all: their order tells which comes nearest, and none is likely." : ""].filter(Boolean).join(" ");
     this.beside.textContent = beside;
     this.more.hidden = worth.length === rows.length;
     this.more.textContent = `Show all ${rows.length}`;
@@ -194,8 +194,8 @@ function rowOf(row, several) {
   return make("li", { class: row.group ? "group" : "" },
     make("div", { class: "line" },
       make("span", { class: "mark" }, several && row.group ? "●" : ""), make("span", { class: "name" }, titleOf(row)),
-      make("span", { class: "kind" }, row.kinds.join(", ")), make("b", {}, `${row.percent}${NO_BREAK}%`)),
-    make("span", { class: "bar" }, fill),
+      make("span", { class: "kind" }, row.kinds.join(", ")), make("b", {}, percentText(row))),
+    row.percent ? make("span", { class: "bar" }, fill) : "",
     row.suspects.map((item) => make("p", { class: "values" },
       make("span", { class: "parameter" }, item.name),
       make("span", { class: "estimate" }, item.nominal ? make("span", { class: "nominal" }, `${item.nominal} → `) : null, item.estimate, item.sd ? ` ± ${item.sd}` : ""),

@@ -1,7 +1,7 @@
 // What a person does: a dialog that says what will happen, takes a comment, and sends it.
 
 import { act } from "./connection.js";
-import { make } from "./elements.js";
+import { make, percentText } from "./elements.js";
 
 const SHELVINGS = [[15, "15 min"], [30, "30 min"], [60, "1 h"], [120, "2 h"], [240, "4 h"], [480, "8 h"], [1440, "24 h"]];
 const USUAL = 60; // min
@@ -76,7 +76,7 @@ function choicesOf(rows) {
   const options = rows.slice(0, 12).map((row, k) => make("label", { class: "option" },
     make("input", { type: "radio", name: "candidate", value: JSON.stringify(targetOf(row)), checked: k === 0 }),
     make("span", {}, make("b", {}, titleOf(row)), ...row.suspects.map((item) => make("span", { class: "what" }, valueText(item)))),
-    make("span", { class: "percent" }, `${row.percent}${NO_BREAK}%`)));
+    make("span", { class: "percent" }, percentText(row))));
   return make("fieldset", {}, make("legend", {}, "Which one"), options);
 }
 

@@ -1,7 +1,7 @@
 // The off-line desk: recordings that people bring, watched afterwards, one after the other.
 
 import { Refusal, bring, desk, order, remove, resultPath } from "./connection.js";
-import { capital, make, momentText, renew } from "./elements.js";
+import { capital, make, momentText, percentText, renew } from "./elements.js";
 
 const BUSY = 1500, IDLE = 10000; // ms between two questions, while something is at work or waits, and else
 const SHOWN = 5;                 // candidates of an analysis
@@ -207,7 +207,7 @@ export class DeskView {
 
 const candidateOf = ({ names, components, kind, percent, change, group }) => {
   const what = components.length ? components.join(" with ") : names.join(" with ");
-  return make("li", { class: group ? "group" : "" }, make("b", {}, what), kind ? ` ${kind}` : "", make("span", { class: "job-names" }, [names.join(", "), change].filter(Boolean).join(" ")), make("span", { class: "percent" }, `${percent}${NO_BREAK}%`));
+  return make("li", { class: group ? "group" : "" }, make("b", {}, what), kind ? ` ${kind}` : "", make("span", { class: "job-names" }, [names.join(", "), change].filter(Boolean).join(" ")), make("span", { class: "percent" }, percentText({ percent })));
 };
 
 const UNITS = [[1e9, "GB"], [1e6, "MB"], [1e3, "kB"]];

@@ -23,6 +23,9 @@ export function renew(place, about, content) {
   return true;
 }
 
+// How likely a candidate is; empty where the data contradict all of them.
+export const percentText = ({ percent }) => (percent ? `${percent}${NO_BREAK}%` : "");
+
 const CONDITIONS = { // by NAMUR NE 107, the most urgent first; beside them what is known of the watching itself
   FAILURE: { key: "failure", word: "Failure", rank: 0 },
   OFF_SPEC: { key: "off-spec", word: "Out of specification", rank: 1 },
