@@ -25,21 +25,24 @@ from faultbond.contract.findings import Unexplained
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.errors import FaultbondError
-from faultbond.fit import objective, trial
+from faultbond.fit import objective, quiet_search, trial
+from faultbond.fit.delays import HINT
 from faultbond.fit.false_alarms import Rate
 from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.imperfections import (
     UNTRIED,
     Imperfection,
     Kind,
+    kind_of,
     law_signals,
     laws_of_signals,
     parameter_name,
     possible,
+    signals_behind,
     with_imperfections,
 )
 from faultbond.fit.innovations import Variant
-from faultbond.fit.offset import centred
+from faultbond.fit.offset import centred, likely_offsets
 from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.quiet_search import WORTH, Search
 from faultbond.fit.samples import HealthyRecording, healthy_recording
@@ -292,7 +295,7 @@ def test_a_fit_finds_what_rows_hold(tmp_path: Path, model: Path) -> None:
 def bare_search() -> Search:
     """Give a search that knows no recordings, for tests of what it chooses."""
     search = Search.__new__(Search)
-    search.tell, search.refused = lambda _: None, set()
+    search.tell, search.refused = lambda _: None, {}
     return search
 
 
@@ -305,7 +308,7 @@ def searched(
     """Give a search after its round, and what it chose, by where imperfections lead alone and together."""
     search = bare_search()
     ground = SimpleNamespace(climbed=lambda _, item, few: alone[item])
-    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item) for item in alone])
+    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item, 9.0) for item in alone])
     monkeypatch.setattr(Search, "_together", together)
     better = search.better(stand)
     assert better is not None
@@ -366,6 +369,26 @@ def test_a_lag_is_asked_for_beside_a_slow_error_though_it_foretells_nothing_alon
     assert not search.refused  # beside what is found later it may gain
 
 
+@pytest.mark.parametrize(
+    ("refused", "gain", "is_tried"),
+    [(None, 6.0, True), (100.0, 199.0, False), (100.0, 201.0, True), (np.inf, 1e6, False), (None, -3.0, False)],
+)
+def test_a_lag_that_was_tried_in_vain_is_tried_once_more_where_it_promises_more(
+    refused: float | None, gain: float, is_tried: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it seemed to gain then was in the way of something else; one that had come down to nothing stays away."""
+    lag, graph = Imperfection(kind=Kind.LAG, place="i"), parse_model(MODEL, file="m.yaml")
+    search, stand = bare_search(), Footing(graph=graph, values={}, starts={})
+    search.trained, search.all = (), cast("Any", SimpleNamespace(model=SimpleNamespace(direct=())))
+    search.refused = {} if refused is None else {lag.key: refused}
+    ground = SimpleNamespace(best_lag=lambda *_: (lag, gain))
+    monkeypatch.setattr(Search, "profile", lambda *_: [])
+    monkeypatch.setattr(Search, "ground_with", lambda *_, **__: ground)
+    monkeypatch.setattr(quiet_search, "late_ones", lambda *_: [(lag, 2.0 * HINT)])
+    monkeypatch.setattr(quiet_search, "other_holds", lambda *_: [])
+    assert [item[1:] for item in search._promising(stand)] == ([(lag, gain)] if is_tried else [])
+
+
 @pytest.mark.parametrize(("both", "kept"), [(755.0, {Kind.LAG}), (900.0, {Kind.ABSOLUTE, Kind.LAG})])
 def test_a_slow_error_of_a_sensor_does_not_stand_for_its_lag(
     both: float, kept: set[Kind], monkeypatch: pytest.MonkeyPatch
@@ -411,7 +434,7 @@ def test_a_lag_that_has_come_to_nothing_is_left_out(
         added=tuple(Added(what=item, trained=9.0, held=9.0) for item in lags),
     )
     search = Search.__new__(Search)
-    search.tell, search.refused, search.graph, search.step = lambda _: None, set(), graph, 1.0
+    search.tell, search.refused, search.graph, search.step = lambda _: None, {}, graph, 1.0
     ground = SimpleNamespace(climbed=lambda stand: replace(stand, held=100.0 - loses))
     monkeypatch.setattr(Search, "ground", lambda *_: ground)
     found = search.lasting(stand)
@@ -419,7 +442,7 @@ def test_a_lag_that_has_come_to_nothing_is_left_out(
     lagging += [item.name for item in found.graph.inputs if item.lag]
     assert "".join(lagging) == "".join(item.what.place for item in found.added) == kept
     assert {item.name for item in found.graph.parameters if item.name.endswith("_lag")} == {f"{k}_lag" for k in kept}
-    assert search.refused == {item.key for item in lags if item.place not in kept}
+    assert search.refused == {item.key: np.inf for item in lags if item.place not in kept}
 
 
 @pytest.mark.parametrize(
@@ -444,7 +467,7 @@ def test_a_slow_error_that_is_of_no_use_any_more_is_left_out(
         return {}, gains_of
 
     search = Search.__new__(Search)
-    search.tell, search.refused, search.graph, search.step = lambda _: None, set(), graph, 1.0
+    search.tell, search.refused, search.graph, search.step = lambda _: None, {}, graph, 1.0
     monkeypatch.setattr(search, "asking", asking)
     ground = SimpleNamespace(climbed=lambda stand: replace(stand, held=100.0 - loses))
     monkeypatch.setattr(Search, "ground", lambda *_: ground)
@@ -454,7 +477,7 @@ def test_a_slow_error_that_is_of_no_use_any_more_is_left_out(
     assert asked == ["i", "R.e"]
     assert [item.what.place for item in found.added] == [*kept, "source.e"]
     assert {item.target for item in found.graph.slow_errors} == {*kept, "source.e"}
-    assert search.refused == set()
+    assert search.refused == {}
     asked.clear()
     one = replace(stand, added=added[1:])
     assert (search.lasting(one), asked) == (one, [])
@@ -471,8 +494,8 @@ def test_what_gains_nothing_beside_all_recordings_is_not_added(gain: float, monk
         return replace(stand, held=stand.held + held, added=(Added(what=item, trained=held, held=held),))
 
     ground = SimpleNamespace(climbed=climbed)
-    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item)])
-    monkeypatch.setattr(Search, "ground_with", lambda *_: ground)
+    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item, 9.0)])
+    monkeypatch.setattr(Search, "ground_with", lambda *_, **__: ground)
     better = bare_search().better(stand)
     assert (better is not None) == (gain >= WORTH)
 
@@ -526,11 +549,9 @@ def test_an_offset_has_to_foretell_better(gains: tuple[float, float], kept: str 
     )
     graph = replace(parse_model(MODEL, file="m.yaml"), slow_errors=errors)
     stand = Footing(graph=graph, values={"here_offset": 1.0}, starts={})
-    worth = {("a", 0.3): 90.0, ("a", 0.15): 9.0, ("b", -6.0): 80.0, ("far", 0.6): 4.0}  # nats
-    worth |= {(name, 0.3): 99.0 for name in names[3:]}  # there already, or no law
-
-    def asking(_: Footing) -> tuple[dict[str, float], Callable[[Sequence[Imperfection]], list[float]]]:
-        return {"b": 20.0}, lambda tried: [worth.get((item.place, round(item.size, 9)), 1.0) for item in tried]
+    means = {"a": 0.4, "b": 0.0, "far": 0.15} | dict.fromkeys(names[3:], 9.0)  # there already, or no law
+    worth = {("a", 0.3): 12.0, ("b", -6.0): 14.0, ("far", 0.6): 4.0}  # nats
+    averages = {(kind_of(item), item.target): np.full(2, means[item.target]) for item in errors}
 
     asked: list[Imperfection] = []
 
@@ -539,15 +560,55 @@ def test_an_offset_has_to_foretell_better(gains: tuple[float, float], kept: str 
         held = dict(zip("ab", gains, strict=True))[items[0].place]
         return SimpleNamespace(climbed=lambda stand, item: replace(stand, held=held, values={item.place: item.size}))
 
-    laws = {name: (name, 0) for name in names[:-1]}
-    search = SimpleNamespace(laws=laws, refused=set(), tell=lambda _: None, asking=asking, ground_with=ground)
+    laws = dict.fromkeys(names[:-1], ("R", 0))
+    search = SimpleNamespace(
+        graph=graph,
+        laws=laws,
+        behind={},
+        refused={},
+        tell=lambda _: None,
+        averages=lambda _: ({"b": 20.0}, averages),
+        asking=lambda _: ({}, lambda tried: [worth.get((item.place, round(item.size, 9)), 1.0) for item in tried]),
+        ground_with=ground,
+    )
     found = centred(cast("Search", search), stand)
-    assert [(item.place, round(item.size, 9)) for item in asked] == [("a", 0.3), ("b", -6.0)][: 1 + (kept != "a")]
+    assert [(item.place, round(item.size, 9)) for item in asked] == [("a", 0.4), ("b", -6.0)][: 1 + (kept != "a")]
     assert (found and next(iter(found.values))) == kept
     assert {place for _, place in search.refused} == set(refused)
     if kept is None:
         assert centred(cast("Search", search), stand) is None
         assert len(asked) == 2
+
+
+def test_a_law_that_is_written_the_other_way_round_may_be_off_as_it_is_written() -> None:
+    """Of a pipe whose law gives its pressure, while it is the flow that follows: the offset is one of the pressure."""
+    graph = parse_model("""
+name: pump and pipe
+sample_time: 1 s
+inputs: {n: {unit: percent}}
+components:
+  pump: {type: Se, law: e = H*n**2, parameters: {H: 12 Pa/percent^2}}
+  pipe: {type: R, law: e = K*f*abs(f), parameters: {K: 7.5e5 Pa*s^2/kg^2}}
+  tank: {type: C, law: e = q/A, parameters: {A: 2 kg/Pa}}
+junctions: {loop: 1}
+bonds: [pump -> loop, loop -> pipe, loop -> tank]
+sensors: {flow: {reads: loop.f, unit: kg/s, noise: 1 g/s}}
+slow_error: {loop.f: 1 g/s over 600 s}
+""")
+    model = build_step_model(build_plant(graph))
+    assert signals_behind(model) == {"loop.f": "pipe.e"}
+    search = SimpleNamespace(
+        laws=laws_of_signals(model),
+        behind=signals_behind(model),
+        refused={},
+        averages=lambda _: ({"pipe.e": 2e4, "loop.f": 0.16}, {(Kind.ABSOLUTE, "loop.f"): np.array([-6e-3, -4e-3])}),
+        asking=lambda _: ({}, lambda tried: [24.0] * len(tried)),
+    )
+    ((found, gain),) = likely_offsets(cast("Search", search), Footing(graph=graph, values={}, starts={}))
+    assert (found.place, found.law) == ("pipe.e", ("pipe", 0))
+    assert (found.size, gain) == pytest.approx((625.0, 25.0))  # a flow that is less by 1/32 is a pressure that is more
+    law = with_imperfections(graph, (found,)).component("pipe").laws[0]
+    assert to_text(law.right).endswith(" + pipe_e_offset")
 
 
 def test_a_temperature_has_no_error_that_is_a_part_of_it() -> None:

@@ -16,7 +16,7 @@ from faultbond.fit.objective import (
     FittedPlant,
     evaluate_likelihood,
     likelihood_value,
-    score_recording,
+    score_recordings,
 )
 from faultbond.fit.samples import HealthyRecording
 
@@ -251,7 +251,7 @@ def spread_noise(plant: FittedPlant, records: Sequence[HealthyRecording], point:
     unknowns, n_p = plant.unknowns, plant.layout.n_p
     places = {int(place): k for k, place in enumerate(unknowns.places)}
     for _ in range(NOISE_ROUNDS):
-        found = [score_recording(plant, record, point, r) for r, record in enumerate(records)]
+        found = score_recordings(plant, records, point)
         if not all(np.isfinite(item.value) and item.innovations.size for item in found):
             return point
         ratios = np.nanmean(np.concatenate([item.standardised**2 for item in found]), axis=0)

@@ -26,7 +26,7 @@ def cured(search: Search, stand: Footing) -> Footing | None:
     """
     names = strayed(search, stand)
     search.tell(f"asking what else it may be that puts {', '.join(sorted(names))} far from what was declared")
-    search.inside, refused = names, set(search.refused)
+    search.inside, refused = names, dict(search.refused)
     held = search.ground(stand.graph).climbed(stand)
     better = search.better(held) if np.isfinite(held.trained) else None  # the plant may have no course with them there
     search.inside, search.refused = frozenset(), refused

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -10,10 +11,12 @@ from faultbond.arrays import FloatArray
 from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.objective import BLOCK, LOG_2_PI, FitPoint, FittedPlant, likelihood_value
 from faultbond.fit.samples import HealthyRecording
+from faultbond.fit.side_by_side import side_by_side
 from faultbond.fit.unknowns import Unknowns
 
 _NONE = np.zeros(0)
-_MOST_AT_ONCE = 16 * BLOCK  # samples of all ways together: compiled code hears no signal
+_AT_ONCE = 64  # ways to declare
+_MOST_SAMPLES = 16 * BLOCK // _AT_ONCE  # as compiled code hears no signal
 _TURNS = 12  # of the climb to the starts alone
 CLOSE_ENOUGH = 0.2  # nats that a further step would bring to a climb that compares
 _PLACES = 50  # moments of a recording at which signals are looked at
@@ -33,18 +36,25 @@ def likelihoods(
     if plant.slopes:  # a filter that gives them follows one way at a time
         point = FitPoint(values=_NONE, starts=starts, sizes=np.ones_like(starts))
         return np.array([likelihood_value(all_known(plant, q), records, point) for q in declared])
-    total, n_y = np.zeros(len(declared)), plant.layout.n_y
-    block = max(_MOST_AT_ONCE // max(len(declared), 1), 1)
-    with np.errstate(all="ignore"):
-        for record, start in zip(records, starts, strict=True):
-            lanes = _begun(plant, start, declared)
-            for first in range(0, len(record.time), block):
-                part = slice(first, first + block)
-                _, lanes, _, found = plant.engine.advance(_NONE, lanes, record.samples[part])
-                use = record.use[part][:, :, None]
-                e, s = found[:, :n_y], found[:, n_y:]
-                total -= 0.5 * np.where(use, e**2 / s + np.log(s) + LOG_2_PI, 0.0).sum(axis=(0, 1))
+    total = np.zeros(len(declared))
+    for record, start in zip(records, starts, strict=True):
+        begun = _begun(plant, start, declared)
+        parts = [begun[:, first : first + _AT_ONCE] for first in range(0, len(declared), _AT_ONCE)]
+        total += np.concatenate([_NONE, *side_by_side(partial(_told_by, plant, record), parts)])
     return np.where(np.isfinite(total), total, -np.inf)
+
+
+def _told_by(plant: FittedPlant, record: HealthyRecording, lanes: FloatArray) -> FloatArray:
+    """Give the logarithm of the likelihood of a recording for each filter, (n,)."""
+    total, n_y = np.zeros(lanes.shape[1]), plant.layout.n_y
+    with np.errstate(all="ignore"):
+        for first in range(0, len(record.time), _MOST_SAMPLES):
+            part = slice(first, first + _MOST_SAMPLES)
+            _, lanes, _, found = plant.engine.advance(_NONE, lanes, record.samples[part])
+            use = record.use[part][:, :, None]
+            e, s = found[:, :n_y], found[:, n_y:]
+            total -= 0.5 * np.where(use, e**2 / s + np.log(s) + LOG_2_PI, 0.0).sum(axis=(0, 1))
+    return total
 
 
 def _begun(plant: FittedPlant, start: FloatArray, declared: FloatArray) -> FloatArray:

@@ -21,7 +21,7 @@ from faultbond.errors import NoVerdictError, RecordingError
 from faultbond.fit.ascent import SETTLED, START_PRIOR, TURNS, Summit, ascend, spread_noise
 from faultbond.fit.certainty import PARTNER, Certainty, certainty_of, together
 from faultbond.fit.constancy import Change, changes_of
-from faultbond.fit.objective import FitPoint, FittedPlant, Scored, follow_alone, score_recording
+from faultbond.fit.objective import FitPoint, FittedPlant, Scored, follow_alone, score_recordings
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.whiteness import Whiteness, test_whiteness
 from faultbond.types import STEP
@@ -207,7 +207,7 @@ def _fit(
         widths=widths,
         starts=reached.starts,
         reached=reached.alike,
-        before=sum(score_recording(plant, record, begin, r).value for r, record in enumerate(records)),
+        before=sum(item.value for item in score_recordings(plant, records, begin)),
         courses=courses,
         simulated=tuple(follow_alone(plant, record, best.point, r) for r, record in enumerate(records)),
         whiteness=tuple(
@@ -232,7 +232,7 @@ def _certainty(
 ) -> tuple[tuple[Scored, ...], Certainty]:
     """Give what each recording says at the summit, and how sure that is."""
     unknowns = plant.unknowns
-    courses = tuple(score_recording(plant, record, best.point, r) for r, record in enumerate(records))
+    courses = score_recordings(plant, records, best.point)
     full = np.concatenate([unknowns.widened(widths), np.full(best.point.starts.size, START_PRIOR)])
     n, n_theta = len(unknowns.places), unknowns.n_theta
     return courses, certainty_of(best.evaluation.information, full, courses, n, n_theta, unknowns.prior[:n_theta])
@@ -300,7 +300,7 @@ def _without_wild(
     """Leave out readings that lie far off, as long as they are few, and climb on without them."""
     kept = tuple(records)
     for _ in range(WILD_ROUNDS):
-        far = [np.abs(score_recording(plant, item, best.point, r).standardised) > WILD for r, item in enumerate(kept)]
+        far = [np.abs(item.standardised) > WILD for item in score_recordings(plant, kept, best.point)]
         count = sum(int(item.sum()) for item in far)
         if not count or count > FEW_WILD * sum(item.readings for item in kept):
             break

@@ -105,6 +105,22 @@ def laws_of_signals(model: StepModel) -> dict[str, tuple[str, int]]:
     return found
 
 
+def signals_behind(model: StepModel) -> dict[str, str]:
+    """Give the signals that a law gives which is written the other way round, with what stands on its left.
+
+    Of `e = K*f*abs(f)` that may give the flow. Of a component with one law alone: which of several it is nobody keeps.
+    """
+    lefts: dict[str, list[str]] = {}
+    for signal, (owner, _) in laws_of_signals(model).items():
+        lefts.setdefault(owner, []).append(signal)
+    one_law = {item.name for item in model.plant.graph.components if len(item.laws) == 1}
+    return {
+        item.signal: lefts[item.owner][0]
+        for item in _assignments(model.plant.steps)
+        if item.owner in one_law & set(lefts) and item.signal != lefts[item.owner][0]
+    }
+
+
 def _assignments(steps: tuple[Step, ...]) -> Iterator[Assignment]:
     for step in steps:
         if isinstance(step, Assignment):

@@ -1,6 +1,6 @@
 """Likelihood, its slopes and its information over recordings."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -10,6 +10,7 @@ from faultbond.arrays import BoolArray, FloatArray
 from faultbond.fit.likelihood import Layout, Likelihood
 from faultbond.fit.response import raised_inputs, way_between, with_raised
 from faultbond.fit.samples import HealthyRecording
+from faultbond.fit.side_by_side import side_by_side
 from faultbond.fit.unknowns import Unknowns
 
 BLOCK = 4096  # samples whose innovations are held at a time
@@ -96,9 +97,8 @@ def evaluate_likelihood(plant: FittedPlant, records: Sequence[HealthyRecording],
     n, n_own = len(point.values), plant.n_own
     total = n + n_own * len(records)
     value, score, information = 0.0, np.zeros(total), np.zeros((total, total))
-    for r, record in enumerate(records):
+    for r, found in enumerate(_run_all(plant, records, point, keep=False)):
         places = np.concatenate([np.arange(n), n + n_own * r + np.arange(n_own)])
-        found = _run(plant, record, point, r, keep=False)
         value += found.value
         if not np.isfinite(value):
             break
@@ -110,17 +110,19 @@ def evaluate_likelihood(plant: FittedPlant, records: Sequence[HealthyRecording],
 
 def likelihood_value(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> float:
     """Give the logarithm of the likelihood of all recordings alone; -inf where the plant has no finite course."""
-    value = 0.0
-    for r, record in enumerate(records):
-        common, _ = _begun(plant, point, r)
+
+    def value_of(record: HealthyRecording, common: FloatArray) -> float:
+        value = 0.0
         with np.errstate(all="ignore"):
             for first in range(0, len(record.time), BLOCK):
                 part = slice(first, first + BLOCK)
                 common, _, seen, _ = plant.engine.advance(common, NO_LANES, record.samples[part])
                 value += _value_of(*_seen(seen, record.use[part]), record.use[part])
-        if not np.isfinite(value):
-            return -np.inf
-    return value
+        return value
+
+    begun = [(record, _begun(plant, point, r)[0]) for r, record in enumerate(records)]
+    value = sum(side_by_side(lambda item: value_of(*item), begun))
+    return value if np.isfinite(value) else -np.inf
 
 
 def _seen(seen: FloatArray, use: BoolArray) -> tuple[FloatArray, FloatArray]:
@@ -134,9 +136,9 @@ def _value_of(e: FloatArray, s: FloatArray, use: BoolArray) -> float:
     return -0.5 * float(np.where(use, e**2 / s + np.log(s) + LOG_2_PI, 0.0).sum()) if np.all(s > 0.0) else -np.inf
 
 
-def score_recording(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int) -> Scored:
-    """Give what one recording, the `number`th of the point, says sample by sample."""
-    return _run(plant, record, point, number, keep=True)
+def score_recordings(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> tuple[Scored, ...]:
+    """Give what each recording says sample by sample."""
+    return tuple(_run_all(plant, records, point, keep=True))
 
 
 def follow_alone(
@@ -169,9 +171,17 @@ def ways_of(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitP
     return total
 
 
-def _run(plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int, *, keep: bool) -> Scored:
-    """Run one recording; with `keep` what each sample says is kept, else the sum of the scores in one row."""
-    (common, lanes), n_y = _begun(plant, point, number), plant.layout.n_y
+def _run_all(
+    plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint, *, keep: bool
+) -> Iterator[Scored]:
+    """Run all recordings; with `keep` what each sample says is kept, else the sum of the scores in one row."""
+    begun = [(record, *_begun(plant, point, r)) for r, record in enumerate(records)]
+    return side_by_side(lambda item: _run(plant, *item, keep=keep), begun)
+
+
+def _run(plant: FittedPlant, record: HealthyRecording, common: FloatArray, lanes: FloatArray, *, keep: bool) -> Scored:
+    """Run one recording from where it begins."""
+    n_y = plant.layout.n_y
     count, kept = lanes.shape[1], len(record.time) if keep else 0
     information, value = np.zeros((count, count)), 0.0
     scores, errors, variances = np.zeros((kept or 1, count)), np.full((kept, n_y), np.nan), np.full((kept, n_y), np.nan)

@@ -4,44 +4,69 @@ Of a curve that is not quite that of the law, changes of what goes in show the s
 slow error that stands for it is never about zero: to be quiet it has to be so large that it hides faults.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
+
+import numpy as np
 
 from faultbond.fit.delays import HINT
 from faultbond.fit.foothold import Footing
-from faultbond.fit.imperfections import Imperfection, Kind, parameter_name
-from faultbond.fit.quiet_search import WORTH, Search
+from faultbond.fit.imperfections import Imperfection, Kind, kind_of, parameter_name
+from faultbond.fit.quiet_search import AGAIN, WORTH, Search
+from faultbond.model.graph import SlowError
 
 SIZES = (-6.0, -3.0, -1.5, 1.5, 3.0, 6.0)  # times the slow error
+TRIED = 2  # offsets that are fitted in a round
 
 
 def centred(search: Search, stand: Footing) -> Footing | None:
     """Give where the likeliest offset of a law leads that foretells what was held back better; None: none does."""
     search.tell("asking whether a law is off by a constant")
-    for offset in likely_offsets(search, stand):
+    for offset, promised in likely_offsets(search, stand)[:TRIED]:
         search.tell(f"fitting {offset.words}")
         found = search.ground_with(stand, (offset,)).climbed(stand, offset)
         if found.held - stand.held >= WORTH:
             return found
-        search.refused.add(offset.key)
+        search.refused[offset.key] = promised
     return None
 
 
-def likely_offsets(search: Search, stand: Footing) -> list[Imperfection]:
-    """Give the laws with a slow error that seem to be off by a constant too, by about how much, the likeliest first."""
-    usual, gains_of = search.asking(stand)
-    tried = []
+def likely_offsets(search: Search, stand: Footing) -> list[tuple[Imperfection, float]]:
+    """Give the laws with a slow error that seem to be off by a constant too, by about how much, the likeliest first.
+
+    Each with what it seems to gain, nats: with all else as it stands, or as much as it costs that the slow error is
+    about something else than zero in all recordings, if that is more: values of parameters that stand for the constant
+    hide the former. What was tried in vain has to promise more than then.
+    """
+    usual, averages = search.averages(stand)
+    promised: list[tuple[Imperfection, float]] = []
+    tried: list[Imperfection] = []
     for error in stand.graph.slow_errors:
-        if error.target not in search.laws or error.is_sensor or error.wanders:
+        place = search.behind.get(error.target, error.target)
+        if place not in search.laws or error.is_sensor or error.wanders:
             continue
-        offset = Imperfection(kind=Kind.OFFSET, place=error.target, law=search.laws[error.target])
-        if parameter_name(offset) in stand.values or offset.key in search.refused:
+        offset = Imperfection(kind=Kind.OFFSET, place=place, law=search.laws[place])
+        if parameter_name(offset) in stand.values:
             continue
-        sd = error.sd * usual.get(error.target, 0.0) if error.relative else error.sd
-        tried += [replace(offset, size=times * sd) for times in SIZES if sd > 0.0]
-    if not tried:
-        return []
-    best: dict[str, tuple[float, Imperfection]] = {}
-    for offset, gain in zip(tried, gains_of(tried), strict=True):
-        if gain > max(HINT, best[offset.place][0] if offset.place in best else HINT):
-            best[offset.place] = gain, offset
-    return [offset for _, offset in sorted(best.values(), key=lambda item: item[0], reverse=True)]
+        unit = _unit(error, place, usual)  # of the slow error, in what the law gives as it is written
+        means = averages[kind_of(error), error.target]
+        mean = float(np.mean(means)) / error.sd
+        promised.append((replace(offset, size=mean * error.sd * unit), 0.5 * len(means) * mean**2))
+        tried += [replace(offset, size=times * error.sd * unit) for times in SIZES]
+    gains = search.asking(stand)[1](tried) if tried else []
+    best: dict[str, tuple[Imperfection, float]] = {}
+    for offset, gain in (*promised, *zip(tried, gains, strict=True)):
+        least = max(HINT, AGAIN * search.refused.get(offset.key, 0.0))
+        if gain > best.get(offset.place, (offset, least))[1] and offset.size != 0.0:
+            best[offset.place] = offset, float(gain)
+    return sorted(best.values(), key=lambda item: item[1], reverse=True)
+
+
+def _unit(error: SlowError, place: str, usual: Mapping[str, float]) -> float:
+    """Give how much of what a law gives as it is written a slow error of 1 is.
+
+    Of a law that is solved for what stands on its right: what is more on one side is less on the other, in parts.
+    """
+    if place == error.target:
+        return usual.get(place, 0.0) if error.relative else 1.0
+    return -usual.get(place, 0.0) / (1.0 if error.relative else usual.get(error.target, np.inf))

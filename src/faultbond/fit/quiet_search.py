@@ -35,18 +35,20 @@ from faultbond.fit.imperfections import (
     Imperfection,
     Kind,
     found_in,
+    kind_of,
     law_signals,
     laws_of_signals,
     memory_place,
     parameter_name,
     possible,
+    signals_behind,
     size_place,
     with_imperfections,
     without_lag,
     without_slow_error,
 )
 from faultbond.fit.likelihood import Likelihood, Padded, build_begin, known_starts, layout_of, nominal_q
-from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recording, ways_of
+from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recordings, ways_of
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.stray import INSIDE
 from faultbond.fit.unknowns import Unknowns, unknowns_of
@@ -75,7 +77,8 @@ LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # samples
 LAG_GRID = 4.0  # samples: a lag for which one step of the integration is enough
 LEAST_LAG = 0.2  # samples
 NO_LAG = 1.01 * LEAST_LAG  # samples: a lag that would rather be none
-LAGS_TRIED = 2
+LATE_TRIED = 3  # of lags and holds that errors hint at, in each round: those that promise most
+AGAIN = 2.0  # times what it promised before; what was tried in vain and promises more is tried once more
 SIZED = (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER, Kind.INPUT_NOISE)
 MOST_SAMPLES = 6000  # with which sizes are compared
 FEW_SAMPLES = 8000  # of the recordings with which imperfections are compared; what is kept is fitted to all
@@ -117,13 +120,15 @@ class Search:
         self.few = self.trained[: int(np.searchsorted(ends, FEW_SAMPLES)) + 1]
         self.longest = LONGEST * min(float(np.ptp(item.time)) for item in self.trained)
         signals = law_signals(model)
-        self.laws = {name: law for name, law in laws_of_signals(model).items() if name in signals}
+        self.behind = {name: left for name, left in signals_behind(model).items() if name in signals}
+        asked = {*signals, *self.behind.values()}
+        self.laws = {name: law for name, law in laws_of_signals(model).items() if name in asked}
         self.possible = possible(graph, signals, len(model.states))
-        self.refused: set[tuple[Kind, str]] = set()  # lags and holds that were tried in vain
+        self.refused: dict[tuple[Kind, str], float] = {}  # what was tried in vain, and the nats it seemed to gain then
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
         self.inside: frozenset[str] = frozenset()  # parameters that are kept from straying
         self.believed: frozenset[str] = frozenset()  # those of which it is known what made them stray
-        self.signals = signals
+        self.signals = tuple(dict.fromkeys([*signals, *self.behind.values()]))
         tell("building a filter with all that may be missing")
         self.all = self._with_all(graph)
 
@@ -174,8 +179,8 @@ class Search:
         """Give where the best further imperfection leads; None: none foretells what was held back better."""
         if not (tried := self._promising(stand)):
             return None
-        self.tell(f"fitting {', '.join(item.words for _, item in tried)}")
-        found = [ground.climbed(stand, item, few=True) for ground, item in tried]
+        self.tell(f"fitting {', '.join(item.words for _, item, _ in tried)}")
+        found = [ground.climbed(stand, item, few=True) for ground, item, _ in tried]
         gained = [item.held - stand.held if np.isfinite(item.held) else -np.inf for item in found]
         most = max(gained, default=-np.inf)
         if not most >= WORTH:
@@ -183,8 +188,9 @@ class Search:
         near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
         best = min(near, key=lambda item: item.unknown)
         hidden = [item for item in found if best.added[-1].may_have(item.added[-1], WORTHY)]
-        vain = (item for item, gain in zip(found, gained, strict=True) if gain < WORTH and item not in hidden)
-        self.refused |= {item.added[-1].what.key for item in vain}
+        for (_, what, promised), item, gain in zip(tried, found, gained, strict=True):
+            if gain < WORTH and item not in hidden:
+                self.refused[what.key] = max(promised, HINT)
         # What gains as much as the best is likely to explain the same, so it is the last to be tried beside it. Lags
         # and holds are first beside a slow error, which may stand for them.
         slow = best.added[-1].what.is_slow
@@ -216,7 +222,7 @@ class Search:
         alone = self.ground(graph).climbed(replace(stand, graph=graph, added=kept))
         if not stand.held - alone.held < WORTH:
             return stand
-        self.refused |= {item.what.key for item in gone if not item.what.is_slow}
+        self.refused |= {item.what.key: np.inf for item in gone if not item.what.is_slow}
         return alone
 
     def _spent_lags(self, stand: Footing) -> list[Added]:
@@ -233,10 +239,11 @@ class Search:
         gains = self.asking(stand)[1]([replace(item.what, size=UNTRIED) for item in added])
         return [item for item, gain in zip(added, gains, strict=True) if gain > -SPENT]
 
-    def _promising(self, stand: Footing) -> list[tuple["_Ground", Imperfection]]:
-        """Give what is worth to be fitted, each with a plant that may have it, by its gain with the rest as it is.
+    def _promising(self, stand: Footing) -> list[tuple["_Ground", Imperfection, float]]:
+        """Give what is worth to be fitted, each with a plant that may have it and its gain with the rest as it is.
 
         Lags and slow errors are weighed among their like: a slow error takes at once what a lag does with others only.
+        A lag that was tried in vain is tried once more where it promises more than then: something else is there now.
         """
         slow = [item for item in self.profile(stand) if item[1] > 0.0][:TRIED]
         slow = [item for item in slow if item[1] >= PROMISING * slow[0][1]]
@@ -244,30 +251,29 @@ class Search:
         between = [
             item for item in other_holds(stand, self.trained, self.all.model.direct) if item.key not in self.refused
         ]
-        if not slow and not lags and not between:
-            return []
-        shared = self.ground_with(stand, [item for item, _ in slow if item.key not in keys_of(stand.graph)])
-        found: list[tuple[_Ground, Imperfection, float]] = []
-        for item in (*lags[:LAGS_TRIED], *between[:1]):
+        late: list[tuple[Imperfection, float]] = []
+        for item in (*lags, *between[:1]):
             with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
-                ground = self.ground_with(stand, (item,))
-                found.append((ground, *ground.best_lag(stand, item)))
-        most = max((gain for _, _, gain in found), default=0.0)
-        return [
-            *((shared, item) for item, _ in slow),
-            *((ground, item) for ground, item, gain in found if gain >= PROMISING * most),
-        ]
+                late.append(self.ground_with(stand, (item,), slopes=False).best_lag(stand, item))
+        late = [(item, gain) for item, gain in late if gain > AGAIN * self.refused.get(item.key, -np.inf)]
+        most = max((gain for _, gain in late), default=0.0)
+        late = sorted((item for item in late if item[1] >= PROMISING * most), key=lambda item: item[1], reverse=True)
+        tried = [(self.ground_with(stand, (item,)), item, gain) for item, gain in late[:LATE_TRIED]]
+        if not slow:
+            return tried
+        shared = self.ground_with(stand, [item for item, _ in slow if item.key not in keys_of(stand.graph)])
+        return [*((shared, *item) for item in slow), *tried]
 
     def _is_new(self, stand: Footing, lag: Imperfection) -> bool:
-        return parameter_name(lag) not in stand.values and lag.key not in self.refused
+        return parameter_name(lag) not in stand.values and self.refused.get(lag.key, 0.0) < np.inf
 
-    def ground_with(self, stand: Footing, more: Sequence[Imperfection]) -> "_Ground":
-        """Give a plant that may have further imperfections."""
+    def ground_with(self, stand: Footing, more: Sequence[Imperfection], *, slopes: bool = True) -> "_Ground":
+        """Give a plant that may have further imperfections; without slopes for likelihoods alone."""
         sizes = {Kind.LAG: LAG_GRID * self.step}
         opened = tuple(
             item if item.kind is Kind.OFFSET else replace(item, size=sizes.get(item.kind, UNTRIED)) for item in more
         )
-        return self.ground(with_imperfections(stand.graph, opened))
+        return self.ground(with_imperfections(stand.graph, opened), slopes=slopes)
 
     def _joint(self, stand: Footing, best: Footing, others: Sequence[Footing]) -> Footing | None:
         """Give where the best and others, each of another place, lead together; None: they gain no more than one does.
@@ -355,6 +361,16 @@ class Search:
 
         return self.all.usual(record, start[0], q), gains_of
 
+    def averages(self, stand: Footing) -> tuple[dict[str, float], dict[tuple[Kind, str], FloatArray]]:
+        """Give the usual size of each signal, SI, and each slow error on average in each recording, (n_records,)."""
+        usual, _ = self.asking(stand)
+        q, layout = self.all.q_of(stand), self.all.layout
+        plant, starts = self.all.plant(q), self.all.starts_of(stand)
+        rows = [joint_courses(plant, record, start, q) for record, start in zip(self.trained, starts, strict=True)]
+        first = layout.n_u + layout.n_x
+        means = np.array([row[:, first : first + layout.n_b].mean(axis=0) for row in rows])
+        return usual, {(kind_of(item), item.target): means[:, k] for k, item in enumerate(self.all.graph.slow_errors)}
+
     def _sizes(self, stand: Footing, item: Imperfection, usual: dict[str, float]) -> tuple[float, ...]:
         if item.kind is Kind.WANDER:
             return SIZES
@@ -412,11 +428,11 @@ class _Ground:
                 begin[:, column] = stand.starts[name]
         return begin
 
-    def seen(self, records: Sequence[HealthyRecording], begin: FitPoint, q: FloatArray) -> list[Scored]:
+    def seen(self, records: Sequence[HealthyRecording], begin: FitPoint, q: FloatArray) -> tuple[Scored, ...]:
         """Give what recordings show with all numbers known but where they start."""
         plant = self.plant(q)
         summit = foretold(plant, records, begin, q)
-        return [score_recording(all_known(plant, q), item, summit.point, r) for r, item in enumerate(records)]
+        return score_recordings(all_known(plant, q), records, summit.point)
 
     def best_lag(self, stand: Footing, item: Imperfection) -> tuple[Imperfection, float]:
         """Give a lag as long as it explains most with all else as it stands, or a hold, and what it gains, nats."""
@@ -563,7 +579,7 @@ class _Ground:
     def _seen(self, stood: Footing, q: FloatArray, summit: Summit) -> Footing:
         """Give a footing with what each recording shows there."""
         known, point = all_known(self.plant(q), q), replace(summit.point, values=np.zeros(0))
-        seen = [score_recording(known, item, point, r) for r, item in enumerate(self.search.trained)]
+        seen = score_recordings(known, self.search.trained, point)
         return replace(
             stood,
             innovations=tuple(item.standardised for item in seen),

@@ -9,7 +9,7 @@ from faultbond.app.likelihood import likelihood_engine
 from faultbond.contract.samples import Sample
 from faultbond.errors import ModelError, RecordingError
 from faultbond.fit.evidence import all_known
-from faultbond.fit.objective import FitPoint, FittedPlant, evaluate_likelihood, likelihood_value, score_recording
+from faultbond.fit.objective import FitPoint, FittedPlant, evaluate_likelihood, likelihood_value, score_recordings
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.session import build_fit, free_parameters
 from faultbond.fit.whiteness import test_whiteness as whiteness_of
@@ -131,7 +131,7 @@ def test_where_nothing_is_sought_there_is_the_value_alone() -> None:
 def test_scores_of_samples_add_up() -> None:
     """The score is the sum of those of the samples, the value that of the parts of the recording."""
     plant, records, begin = prepared(RC, recording())
-    found, parts = evaluate_likelihood(plant, records, begin), score_recording(plant, records[0], begin, 0)
+    found, parts = evaluate_likelihood(plant, records, begin), score_recordings(plant, records[:1], begin)[0]
     assert parts.scores.sum(axis=0) == pytest.approx(found.score)
     assert np.isnan(parts.innovations[7, 1])
     assert np.isnan(parts.innovations[20, 0])
@@ -141,7 +141,7 @@ def test_scores_of_samples_add_up() -> None:
 def test_a_plant_without_a_course_says_so_of_all_samples() -> None:
     """Where values give it none there is no likelihood, and of no sample an innovation."""
     plant, records, begin = prepared(RC, recording())
-    lost = score_recording(plant, records[0], replace(begin, values=np.full_like(begin.values, np.nan)), 0)
+    lost = score_recordings(plant, records[:1], replace(begin, values=np.full_like(begin.values, np.nan)))[0]
     assert lost.value == -np.inf
     assert lost.innovations.shape == lost.variances.shape == records[0].y.shape
     assert lost.scores.shape == (len(records[0].time), lost.information.shape[0])

@@ -181,7 +181,7 @@ def test_what_is_missing_is_kept_where_it_explains_as_much(case: dict[str, float
     stand = Footing(graph=graph, values=known | {"R": 3.0}, starts={}, held=0.0)
     options = {"found": True, "gain": 50.0, "free": 1.0, "ends": 2.1, "course": True} | case
     fake = Cured(
-        parameters=parameters, own=(), tell=lambda _: None, inside=frozenset(), believed=frozenset(), refused=set()
+        parameters=parameters, own=(), tell=lambda _: None, inside=frozenset(), believed=frozenset(), refused={}
     )
     fake.__dict__.update(options)
     search = cast(Search, fake)

@@ -1,0 +1,29 @@
+"""Calls that do not need each other, as many at a time as there are processors.
+
+Threads do, as compiled code runs without the interpreter's lock, and the recordings of a fit are about as long as each
+other.
+"""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import TypeVar
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+def side_by_side(call: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+    """Give what a call gives of each item, in order; where one fails, those that had not begun are not begun."""
+    return _pool().map(call, items) if len(items) > 1 and _processors() > 1 else map(call, items)
+
+
+def _processors() -> int:
+    """Give how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(_processors(), thread_name_prefix="fit")
