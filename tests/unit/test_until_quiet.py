@@ -26,6 +26,7 @@ from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.errors import FaultbondError
 from faultbond.fit import objective, quiet_search, trial
+from faultbond.fit import offset as offset_module
 from faultbond.fit.delays import HINT
 from faultbond.fit.false_alarms import Rate
 from faultbond.fit.foothold import Added, Footing
@@ -533,7 +534,9 @@ def test_a_law_that_is_off_by_a_constant_gets_it(drop: float, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("gains", "kept", "refused"), [((50.0, 50.0), "a", ""), ((2.0, 50.0), "b", "a"), ((2.0, 2.0), None, "ab")]
 )
-def test_an_offset_has_to_foretell_better(gains: tuple[float, float], kept: str | None, refused: str) -> None:
+def test_an_offset_has_to_foretell_better(
+    gains: tuple[float, float], kept: str | None, refused: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The likeliest is tried first, at its likeliest size; what gains nothing is not asked for again."""
     names = ("a", "b", "far", "here", "sensor", "wandering", "unlawful")
     errors = tuple(
@@ -552,6 +555,7 @@ def test_an_offset_has_to_foretell_better(gains: tuple[float, float], kept: str 
     means = {"a": 0.4, "b": 0.0, "far": 0.15} | dict.fromkeys(names[3:], 9.0)  # there already, or no law
     worth = {("a", 0.3): 12.0, ("b", -6.0): 14.0, ("far", 0.6): 4.0}  # nats
     averages = {(kind_of(item), item.target): np.full(2, means[item.target]) for item in errors}
+    monkeypatch.setattr(offset_module, "averages_of", lambda *_: averages)
 
     asked: list[Imperfection] = []
 
@@ -567,8 +571,10 @@ def test_an_offset_has_to_foretell_better(gains: tuple[float, float], kept: str 
         behind={},
         refused={},
         tell=lambda _: None,
-        averages=lambda _: ({"b": 20.0}, averages),
-        asking=lambda _: ({}, lambda tried: [worth.get((item.place, round(item.size, 9)), 1.0) for item in tried]),
+        asking=lambda _: (
+            {"b": 20.0},
+            lambda tried: [worth.get((item.place, round(item.size, 9)), 1.0) for item in tried],
+        ),
         ground_with=ground,
     )
     found = centred(cast("Search", search), stand)
@@ -580,7 +586,7 @@ def test_an_offset_has_to_foretell_better(gains: tuple[float, float], kept: str 
         assert len(asked) == 2
 
 
-def test_a_law_that_is_written_the_other_way_round_may_be_off_as_it_is_written() -> None:
+def test_a_law_that_is_written_the_other_way_round_may_be_off_as_it_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a pipe whose law gives its pressure, while it is the flow that follows: the offset is one of the pressure."""
     graph = parse_model("""
 name: pump and pipe
@@ -601,9 +607,10 @@ slow_error: {loop.f: 1 g/s over 600 s}
         laws=laws_of_signals(model),
         behind=signals_behind(model),
         refused={},
-        averages=lambda _: ({"pipe.e": 2e4, "loop.f": 0.16}, {(Kind.ABSOLUTE, "loop.f"): np.array([-6e-3, -4e-3])}),
-        asking=lambda _: ({}, lambda tried: [24.0] * len(tried)),
+        asking=lambda _: ({"pipe.e": 2e4, "loop.f": 0.16}, lambda tried: [24.0] * len(tried)),
     )
+    means = {(Kind.ABSOLUTE, "loop.f"): np.array([-6e-3, -4e-3])}
+    monkeypatch.setattr(offset_module, "averages_of", lambda *_: means)
     ((found, gain),) = likely_offsets(cast("Search", search), Footing(graph=graph, values={}, starts={}))
     assert (found.place, found.law) == ("pipe.e", ("pipe", 0))
     assert (found.size, gain) == pytest.approx((625.0, 25.0))  # a flow that is less by 1/32 is a pressure that is more

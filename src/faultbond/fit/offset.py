@@ -9,7 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.fit.delays import HINT
+from faultbond.fit.evidence import joint_courses
 from faultbond.fit.foothold import Footing
 from faultbond.fit.imperfections import Imperfection, Kind, kind_of, parameter_name
 from faultbond.fit.quiet_search import AGAIN, WORTH, Search
@@ -38,7 +40,8 @@ def likely_offsets(search: Search, stand: Footing) -> list[tuple[Imperfection, f
     about something else than zero in all recordings, if that is more: values of parameters that stand for the constant
     hide the former. What was tried in vain has to promise more than then.
     """
-    usual, averages = search.averages(stand)
+    usual, gains_of = search.asking(stand)
+    averages = averages_of(search, stand)
     promised: list[tuple[Imperfection, float]] = []
     tried: list[Imperfection] = []
     for error in stand.graph.slow_errors:
@@ -53,13 +56,23 @@ def likely_offsets(search: Search, stand: Footing) -> list[tuple[Imperfection, f
         mean = float(np.mean(means)) / error.sd
         promised.append((replace(offset, size=mean * error.sd * unit), 0.5 * len(means) * mean**2))
         tried += [replace(offset, size=times * error.sd * unit) for times in SIZES]
-    gains = search.asking(stand)[1](tried) if tried else []
+    gains = gains_of(tried) if tried else []
     best: dict[str, tuple[Imperfection, float]] = {}
     for offset, gain in (*promised, *zip(tried, gains, strict=True)):
         least = max(HINT, AGAIN * search.refused.get(offset.key, 0.0))
         if gain > best.get(offset.place, (offset, least))[1] and offset.size != 0.0:
             best[offset.place] = offset, float(gain)
     return sorted(best.values(), key=lambda item: item[1], reverse=True)
+
+
+def averages_of(search: Search, stand: Footing) -> dict[tuple[Kind, str], FloatArray]:
+    """Give each slow error on average in each recording that is fitted, (n_records,), in its unit."""
+    q, layout = search.all.q_of(stand), search.all.layout
+    plant, starts = search.all.plant(q), search.all.starts_of(stand)
+    rows = [joint_courses(plant, record, start, q) for record, start in zip(search.trained, starts, strict=True)]
+    first = layout.n_u + layout.n_x
+    means = np.array([row[:, first : first + layout.n_b].mean(axis=0) for row in rows])
+    return {(kind_of(item), item.target): means[:, k] for k, item in enumerate(search.all.graph.slow_errors)}
 
 
 def _unit(error: SlowError, place: str, usual: Mapping[str, float]) -> float:

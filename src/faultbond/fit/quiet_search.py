@@ -35,7 +35,6 @@ from faultbond.fit.imperfections import (
     Imperfection,
     Kind,
     found_in,
-    kind_of,
     law_signals,
     laws_of_signals,
     memory_place,
@@ -360,16 +359,6 @@ class Search:
             return [gain - now for gain in likelihoods(plant, [record], start, declared).tolist()]
 
         return self.all.usual(record, start[0], q), gains_of
-
-    def averages(self, stand: Footing) -> tuple[dict[str, float], dict[tuple[Kind, str], FloatArray]]:
-        """Give the usual size of each signal, SI, and each slow error on average in each recording, (n_records,)."""
-        usual, _ = self.asking(stand)
-        q, layout = self.all.q_of(stand), self.all.layout
-        plant, starts = self.all.plant(q), self.all.starts_of(stand)
-        rows = [joint_courses(plant, record, start, q) for record, start in zip(self.trained, starts, strict=True)]
-        first = layout.n_u + layout.n_x
-        means = np.array([row[:, first : first + layout.n_b].mean(axis=0) for row in rows])
-        return usual, {(kind_of(item), item.target): means[:, k] for k, item in enumerate(self.all.graph.slow_errors)}
 
     def _sizes(self, stand: Footing, item: Imperfection, usual: dict[str, float]) -> tuple[float, ...]:
         if item.kind is Kind.WANDER:
