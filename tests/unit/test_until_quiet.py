@@ -505,6 +505,8 @@ def test_an_interval_has_a_length() -> None:
     """No text names an interval that ends where it begins."""
     item = Unexplained(signal="i", sd=3.0, since=7.0, until=7.0)
     assert unexplained_sentence(item).endswith("off in i at 7 s.")
+    assert "still 3 standard deviations off" in unexplained_sentence(item)
+    assert "still 1 standard deviation off" in unexplained_sentence(replace(item, sd=1.0))
     assert "between 7 s and 8 s, on average" in unexplained_sentence(replace(item, until=8.0))
 
 

@@ -35,7 +35,9 @@ def random_experiments(
 
     One is for a store that is empty in the nominal run, as all are where there is no input: the size of its effort or
     flow is drawn about one SI unit, so that what it shows while it empties is seen. One has inputs in percent of both
-    signs: a valve may go both ways, and what it drives with it, unless its range begins at 0. Where changes are
+    signs: a valve may go both ways, and what it drives with it, unless its range begins at 0. One has inputs within
+    where they were in the recordings of a fit, if that is known: elsewhere a law with `max` or `where` may show
+    nothing, as an orifice whose supply has less pressure than what it fills. Where changes are
     `sudden`, they come after healthy samples, enough to tell the start.
     """
     graph, begin = model.plant.graph, reference(model).contents
@@ -46,16 +48,18 @@ def random_experiments(
     onset = int(np.clip(ceil((_SPARE * len(begin) + 10) / told), 0, _MOST_SAMPLES)) * sudden
     n += onset
     shortest, longest = _step_range(model, recursion, begin)
-    kinds = [(begin, *kind, PERCENT_RANGE) for kind in INPUT_KINDS]
+    kinds = [(begin, *kind, PERCENT_RANGE, False) for kind in INPUT_KINDS]
     empty = np.abs(model.reference_state) < _EMPTY
     if empty.any():
         nominal = np.array([item.nominal for item in graph.parameters])
         filled = model.contents(np.where(empty, 1.0, model.reference_state), nominal).full()[:, 0]
-        kinds.append((filled, *INPUT_KINDS[0], PERCENT_RANGE))
+        kinds.append((filled, *INPUT_KINDS[0], PERCENT_RANGE, False))
     if any(item.unit.text == "percent" and item.lower < 0.0 for item in graph.inputs):
-        kinds.append((begin, *INPUT_KINDS[1], BOTH_WAYS))
+        kinds.append((begin, *INPUT_KINDS[1], BOTH_WAYS, False))
+    if any(item.fitted_range is not None for item in graph.inputs):
+        kinds.append((begin, *INPUT_KINDS[0], PERCENT_RANGE, True))
     found = []
-    for start, decades, signed, percent in kinds:
+    for start, decades, signed, percent, as_fitted in kinds:
         dt = np.exp(rng.uniform(np.log(shortest), np.log(longest), n))
         dt[0] = 0.0
         theta = [
@@ -65,7 +69,9 @@ def random_experiments(
         begun = start * (1.0 + START_SPREAD * rng.standard_normal(len(start)))
         inputs = np.zeros((n, len(graph.inputs)))  # that jump at every sample
         for k, item in enumerate(graph.inputs):
-            if item.unit.text == "percent":
+            if as_fitted and item.fitted_range is not None:
+                inputs[:, k] = rng.uniform(*item.fitted_range, n)
+            elif item.unit.text == "percent":
                 inputs[:, k] = rng.uniform(max(percent[0], item.lower), percent[1], n)
             else:
                 sizes = 10.0 ** rng.uniform(*decades, n)

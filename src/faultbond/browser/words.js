@@ -128,7 +128,8 @@ function changeOf(candidate, name, item) {
 function unexplainedSentence(found) {
   const [since, until] = [clockText(found.since), clockText(found.until)];
   const when = since === until ? `at ${since}` : `between ${since} and ${until}, on average`;
-  return `None of the modelled faults explains this: the best fit is still ${numberText(found.sd, null, 2)} standard deviations off in ${found.signal} ${when}.`;
+  const size = numberText(found.sd, null, 2), deviations = size === "1" ? "standard deviation" : "standard deviations";
+  return `None of the modelled faults explains this: the best fit is still ${size} ${deviations} off in ${found.signal} ${when}.`;
 }
 
 // Whether a model is held to be off as what counts as healthy had to move, and not as it alarmed on healthy data.

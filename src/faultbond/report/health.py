@@ -20,6 +20,7 @@ from faultbond.report.suspects import cure_of_walk
 MOST_REGIONS = 6
 MOST_DIGITS = 9  # of the ends of a range
 MUCH = 0.8  # of the limit of a walk
+GROSS = 20.0  # times the limit of an alarm: then what is declared larger is no cure, but the end of all watching
 YEAR = 365.25 * 86400.0  # s
 CLIMBS = {1: "reads more than expected", -1: "reads less than expected", 0: "scatters more than declared"}
 WORDS = {"accuracy": "accuracies of the parameters", "noise": "noise of the sensors", "slow": "slow errors"}
@@ -202,6 +203,12 @@ def health_verdict(graph: BondGraph, found: Health) -> str:
         kept = f"The model keeps the promise: a false alarm every {often}, as far as these recordings tell."
         known = f" So `false_alarms: {graph.false_alarms}` of the model may go." if graph.false_alarms else ""
         return kept + known
+    if found.peak > GROSS:
+        worst = max(found.rates, key=lambda item: item.peak).name
+        return (
+            f"The model does not keep the promise: it is far off, most in {worst}. `faultbond fit` with "
+            "`--until-quiet` finds what it leaves out; what that cannot mend is a unit, a sign or a bond's direction."
+        )
     if found.walk > 1.0:  # what else is declared is no cure of that
         far = f"the healthy model has to move {found.walker} as far as for an alarm"
         return f"The model does not keep the promise: {far}. {cure_of_walk(graph, found.walker)}"

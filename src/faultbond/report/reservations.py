@@ -51,9 +51,10 @@ def known_alarms(graph: BondGraph) -> str:
 def unexplained_sentence(found: Unexplained) -> str:
     """Say that no candidate fits, and where the best one is off."""
     size, since, until = figure(found.sd, digits=2).number(), clock_text(found.since), clock_text(found.until)
+    deviations = "standard deviation" if size == "1" else "standard deviations"
     when = f"at {since}" if since == until else f"between {since} and {until}, on average"
     return (
-        f"None of the modelled faults explains this: the best fit is still {size} standard deviations off in "
+        f"None of the modelled faults explains this: the best fit is still {size} {deviations} off in "
         f"{found.signal} {when}."
     )
 

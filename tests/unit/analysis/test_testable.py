@@ -20,8 +20,10 @@ from faultbond.analysis.testable import (
     sets_to_test,
 )
 from faultbond.arrays import FloatArray
-from faultbond.equations.step import StepModel
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import StepModel, build_step_model
 from faultbond.errors import StructureError
+from faultbond.model.text import parse_model
 from plants import example, named, run, stated
 
 TABLE_6_5 = [*[(name,) for name in "RLKJC"], *combinations("RLKJC", 2)]
@@ -247,3 +249,24 @@ def test_without_testable_sets_the_smallest_identifiable_are_tested() -> None:
     choice = sets_to_test(Judgement(rank=told_rank(np.array([1.0, 0.5])), verdicts=verdicts))
     assert choice.sets == ((0,), (1,))
     assert choice.dropped == (((0, 1), EXPLAINS_ANYTHING),)
+
+
+def test_what_shows_only_where_inputs_are_used_is_tested() -> None:
+    """A leak that flows from 60 bar on only: a random supply lies below; where the fit has seen it, it does not."""
+    text = """
+name: filling
+sample_time: 1 s
+max_faults: 1
+constants: {p0: 60 bar}
+inputs: {ps: {unit: bar}}
+components:
+  orifice: {type: Sf, law: "f = K*sqrt(max(ps - vessel.e, 0))", parameters: {K: 1e-8 m^3/s/Pa^0.5}}
+  store: {type: C, law: q = C*e, parameters: {C: 1e-9 m^3/Pa}}
+  outlet: {type: Sf, law: "f = -L*max(vessel.e - p0, 0)", parameters: {L: 1e-11 m^3/s/Pa}}
+junctions: {vessel: 0}
+bonds: [orifice -> vessel -> store, outlet -> vessel]
+sensors: {p: {reads: vessel.e, unit: bar, noise: 0.1 bar}}
+"""
+    fitted = text.replace("unit: bar}}\ncomp", "unit: bar, fitted_range: [130, 170]}}\ncomp")
+    assert choose_sets(build_step_model(build_plant(parse_model(text)))).dropped == (((2,), NOT_IDENTIFIABLE),)
+    assert choose_sets(build_step_model(build_plant(parse_model(fitted)))).sets == ((0,), (1,), (2,))

@@ -59,6 +59,14 @@ def test_false_alarms_that_were_mended_may_go() -> None:
     assert health_verdict(known, off) == health_verdict(GRAPH, off)
 
 
+@pytest.mark.parametrize("walk", [0.3, 37.0])
+def test_of_a_model_that_is_far_off_nothing_is_to_be_declared_larger(walk: float) -> None:
+    """A lag that is left out, or a bond the other way round, is no wide accuracy, whatever has to walk for it."""
+    told = health_verdict(GRAPH, health(peak=143.0, between=0.02, walk=walk))
+    assert "far off, most in V. `faultbond fit` with `--until-quiet` finds what it leaves out" in told
+    assert "accuracy" not in told
+
+
 @pytest.mark.parametrize("peak", [0.4, 1.3])
 def test_a_parameter_that_walks_too_far_is_named_with_its_cure(peak: float) -> None:
     """Neither noise nor a time between false alarms, which may be long, says what is wrong then."""
