@@ -69,14 +69,16 @@ def print_diagnosis(
 
 def _ranked(rows: tuple[TableRow, ...], mark: str) -> Table:
     """Give the table: a line for each suspect and each rate of a candidate, and for each kind of fault."""
-    table = bare_table()
-    for name in ("component", "kind", "parameter", "nominal", "estimate ± sd", "unit", "change", "%"):
+    table, is_likely = bare_table(), any(row.percent for row in rows)
+    last = ("%",) if is_likely else ()
+    for name in ("component", "kind", "parameter", "nominal", "estimate ± sd", "unit", "change", *last):
         table.add_column(name, justify="right" if name in RIGHT else "left", overflow="fold", no_wrap=name in WHOLE)
     table.add_column("", min_width=1)
     for row in rows:
-        ends = [(row.percent, mark if row.group else "")]
+        of_row = (mark if row.group else "",)
+        ends = [(row.percent, *of_row) if is_likely else of_row]
         for kind, item, end in zip_longest(row.kinds, row.suspects, ends):
             texts = (item.parameter, item.nominal, item.estimate, item.unit, item.change) if item else ("",) * 5
-            cells = (item.component if item else "", kind or "", *texts, *(end or ("", "")))
+            cells = (item.component if item else "", kind or "", *texts, *(end or ("",) * len(ends[0])))
             table.add_row(*map(Text, cells), style="bold" if row.group else None)
     return table

@@ -110,6 +110,8 @@ def test_what_nothing_explains_is_no_verdict_on_a_part() -> None:
         "change of the pipe: K1 rose"
     )
     assert "sure" not in verdict
+    assert "unit change ─" in text  # and no column of percentages
+    assert "unit change % ─" in " ".join(printed(run, RunCounts(samples=9)).split())
 
 
 MANY = "Another 1330 sets were too many to be tested"
