@@ -54,9 +54,13 @@ class RankedCandidate:
     present: bool
 
     def __str__(self) -> str:
+        return f"{self.words}, {probability_text(self.probability)} %"
+
+    @property
+    def words(self) -> str:
+        """What is suspected, and its values."""
         values = ", ".join(map(str, self.parameters.values()))
-        told = " and ".join(self.components) + (f": {values}" if values else "")
-        return f"{told}, {probability_text(self.probability)} %"
+        return " and ".join(self.components) + (f": {values}" if values else "")
 
 
 def ranked(diagnosis: Diagnosis | None, graph: BondGraph | None) -> tuple[RankedCandidate, ...]:
@@ -93,14 +97,15 @@ def _value(suspect: Suspect, graph: BondGraph | None) -> SuspectValue:
     )
 
 
-def table_html(candidates: Sequence[RankedCandidate], most: int) -> str:
-    """Give the first candidates as a table of HTML."""
+def table_html(candidates: Sequence[RankedCandidate], most: int, *, is_contradicted: bool) -> str:
+    """Give the first candidates as a table of HTML; where the data contradict all of them, none is told as likely."""
     rows = "".join(
         f"<tr><td>{escape(' + '.join(item.components))}</td>"
         f"<td>{'<br>'.join(escape(str(value)) for value in item.parameters.values())}</td>"
-        f"<td>{escape(item.kind or '')}</td><td>{probability_text(item.probability)}</td></tr>"
+        f"<td>{escape(item.kind or '')}</td>"
+        f"<td>{'' if is_contradicted else probability_text(item.probability)}</td></tr>"
         for item in candidates[:most]
     )
     left = f"<p>... and {len(candidates) - most} more</p>" if len(candidates) > most else ""
-    head = "<tr><th>component</th><th>parameter</th><th>kind</th><th>%</th></tr>"
+    head = f"<tr><th>component</th><th>parameter</th><th>kind</th><th>{'' if is_contradicted else '%'}</th></tr>"
     return f"<table><thead>{head}</thead><tbody>{rows}</tbody></table>{left}" if candidates else ""

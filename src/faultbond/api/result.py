@@ -22,6 +22,8 @@ from faultbond.contract.silence import Silent, seconds, unwatched
 from faultbond.errors import FaultbondError
 from faultbond.model.document import is_circuit
 from faultbond.model.graph import BondGraph, Unit
+from faultbond.report.reservations import CONTRADICTED
+from faultbond.report.verdict import detection_sentence
 from faultbond.types import Verdict
 
 if TYPE_CHECKING:
@@ -200,7 +202,9 @@ class Result:
         return stream.getvalue()
 
     def __repr__(self) -> str:
-        best = f", best {self.best}" if self.best is not None and self._says else ""
+        best = ""
+        if self.best is not None and self._says:
+            best = f", nearest {self.best.words}, contradicted" if self._is_contradicted else f", best {self.best}"
         return f"<Result of {self.model.name!r}: {self.verdict}{best}{told_silent(self.silent)}>"
 
     def _repr_html_(self) -> str:
@@ -209,12 +213,15 @@ class Result:
             first = "No fault detected." if self._says else "No verdict."
             told = " ".join([first, *(f"{note[0].upper()}{note[1:]}." for note in notes if note)])
         else:
-            found = self.detection
-            what = "Alarm" if self.model.graph.false_alarms else "Fault detected"
-            told = f"{what} at {found.time:.9g} s in {', '.join(found.signals)}; it began at about "
-            told += f"{found.change_time:.9g} s."
+            knows = self._graph is not None and self._graph.false_alarms > 0
+            told = detection_sentence(self.detection, is_known_to_alarm=knows)
+            told += f" {CONTRADICTED}" if self._is_contradicted else ""
         head = f"<p><b>{escape(self.model.name)}</b>: {escape(told)}</p>"
-        return head + table_html(self.candidates if self._says else (), SHOWN)
+        return head + table_html(self.candidates if self._says else (), SHOWN, is_contradicted=self._is_contradicted)
+
+    @property
+    def _is_contradicted(self) -> bool:
+        return self.diagnosis is not None and self.diagnosis.unexplained is not None
 
     @property
     def _says(self) -> bool:

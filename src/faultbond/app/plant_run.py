@@ -177,7 +177,7 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
     from faultbond.app.markers import marker_sentence, markers_in  # noqa: PLC0415 - after an alarm only
     from faultbond.app.unfamiliar import unfamiliar_inputs, unfamiliar_sentence  # noqa: PLC0415 - after an alarm only
     from faultbond.app.unit_guess import guess_units, sentence_of  # noqa: PLC0415 - loads the units
-    from faultbond.report.doubts import active_sentence  # noqa: PLC0415 - after an alarm only
+    from faultbond.report.doubts import active_sentence, hidden_sentence  # noqa: PLC0415 - after an alarm only
 
     def points() -> Iterator[PointBlock]:
         return _points(read_blocks(recording, plant.columns), new_grid(watcher.spec, live=False))
@@ -186,7 +186,8 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
         told = sentence_of(guess_units(iter(watcher.anew, None), points(), alarm))
         stood = unfamiliar_sentence(unfamiliar_inputs(plant.graph, points(), alarm))
         marked = marker_sentence(markers_in(plant.graph, points()))
-        return replace(run, hints=tuple(filter(None, (active_sentence(plant.graph), marked, told, stood))))
+        hidden = hidden_sentence(watcher.spec)
+        return replace(run, hints=tuple(filter(None, (active_sentence(plant.graph), marked, told, stood, hidden))))
     return run
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from faultbond.contract.json_records import Record
+from faultbond.contract.spec import EngineSpec
 from faultbond.equations.passivity import Active, active_elements
 from faultbond.fit.stray import Stray, doubts_of
 from faultbond.model.graph import BondGraph
@@ -105,3 +106,18 @@ def active_sentence(graph: BondGraph) -> str:
     """Say the same in sentences after an alarm; empty where every element is what it is called."""
     told = "; ".join(active_texts(graph))
     return f"{told}. Mend that first: no alarm of such a model tells anything of the plant." if told else ""
+
+
+def hidden_suspects(spec: EngineSpec) -> tuple[str, ...]:
+    """Name the suspects that no hypothesis changes alone, nor would explain anything."""
+    told = {
+        k for chosen in (*spec.hypotheses, *spec.reserve, *spec.explain_anything) if len(chosen) == 1 for k in chosen
+    }
+    return tuple(item.name for k, item in enumerate(spec.parameters) if item.suspect and k not in told)
+
+
+def hidden_sentence(spec: EngineSpec) -> str:
+    """Say after an alarm what it was not put down to, since no data seemed to fix it; empty where all was tested."""
+    hidden = list(hidden_suspects(spec))
+    told = f"It was not tested whether {join(hidden)} changed, of which no run with the model showed anything"
+    return f"{told}: such a fault is put down to others." if hidden else ""

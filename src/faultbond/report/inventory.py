@@ -21,7 +21,7 @@ from faultbond.model.graph import BondGraph, Check, Component, Curve, Input, Par
 from faultbond.model.keys import BETWEEN, BEYOND, NOISES_OF
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title, under
-from faultbond.report.doubts import active_texts, doubtful
+from faultbond.report.doubts import active_texts, doubtful, hidden_suspects
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
 from faultbond.report.oddities import oddities
 from faultbond.report.reservations import known_alarms
@@ -550,11 +550,7 @@ def _left_out(spec: EngineSpec) -> Iterator[tuple[str, str]]:
     trusted = ", ".join(item.name for item in spec.parameters if not item.suspect)
     if trusted:
         yield "not tested", f"{trusted}: trusted, unless the model file says `suspect: yes`"
-    told = {
-        k for chosen in (*spec.hypotheses, *spec.reserve, *spec.explain_anything) if len(chosen) == 1 for k in chosen
-    }
-    hidden = ", ".join(item.name for k, item in enumerate(spec.parameters) if item.suspect and k not in told)
-    if hidden:
+    if hidden := ", ".join(hidden_suspects(spec)):
         yield "not tested", f"{hidden}: no data fix such a change by itself; `analyse` tells why"
 
 

@@ -11,6 +11,7 @@ from faultbond.report.suspects import cure_of_walk
 from faultbond.types import TimeGrid
 
 NEGLIGIBLE = 0.001  # probability that is not worth a word
+CONTRADICTED = "The data contradict them all: their order tells which comes nearest, and none is likely."
 LITTLE_SEEN = 500  # samples: an alarm that comes earlier may as well tell that the model never fitted
 
 

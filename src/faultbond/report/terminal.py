@@ -14,7 +14,6 @@ from faultbond.report.verdict import RunCounts, TableRow, view_of
 
 TABLE_WIDTH = 112  # columns of the ranked table, whose units are long, where the output is a file or a pipe
 GROUP_MARK = "●"
-CONTRADICTED = "The data contradict them all: their order tells which comes nearest, and none is likely."
 WHOLE = ("kind", "nominal", "estimate ± sd", "change", "%")  # columns that are not folded
 RIGHT = ("nominal", "change", "%")
 STYLES = {"fault": "bold", "open": "bold yellow", "partial": "bold yellow", "healthy": "bold green"}
@@ -49,8 +48,7 @@ def print_diagnosis(
         console.print(_ranked(view.rows, GROUP_MARK if view.several else ""))
         console.width = width
         alike = f"{GROUP_MARK} not yet distinguishable from the best" if view.several else ""
-        doubt = CONTRADICTED if view.contradicted else ""
-        for note in filter(None, (view.remainder, alike, doubt, view.left_out)):
+        for note in filter(None, (view.remainder, alike, view.contradicted, view.left_out)):
             console.print(Text(note, style="dim"))
         console.print()
         if untested:

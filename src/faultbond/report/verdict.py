@@ -27,6 +27,7 @@ from faultbond.report.numbers import (
     probability_text,
 )
 from faultbond.report.reservations import (
+    CONTRADICTED,
     NEGLIGIBLE,
     beside,
     certainty,
@@ -119,6 +120,7 @@ class RunView:
     how long that is. events: alarms, and what was accepted or rejected, in the order of time; True: an alarm.
     diagnosis: of the fault that is open, with its rows and checks. several: whether candidates cannot be told from the
     best. remainder, left_out: candidates that the rows leave out, and what may be true beside all candidates.
+    contradicted: that the data contradict all of them; empty where they do not.
     """
 
     state: str
@@ -135,7 +137,7 @@ class RunView:
     several: bool = False
     remainder: str = ""
     left_out: str = ""
-    contradicted: bool = False
+    contradicted: str = ""
     checks: tuple[CheckRow, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -143,7 +145,10 @@ class RunView:
 def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Notation) -> RunView:
     """Give all that is to be said of a run."""
     history = judged(history, counts)
-    events = [(item.time, detection_sentence(graph, item), True) for item in history.detections]
+    events = [
+        (item.time, detection_sentence(item, is_known_to_alarm=graph.false_alarms > 0), True)
+        for item in history.detections
+    ]
     events += [(item.time, accepted_sentence(graph, item), False) for item in history.accepted]
     events += [(item.time, rejected_sentence(graph, item), False) for item in history.rejected]
     diagnosis = open_diagnosis(history)
@@ -169,7 +174,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
         several=sum(row.group for row in rows) > 1,
         remainder=remainder_text(diagnosis, rows) if diagnosis else "",
         left_out=beside(diagnosis) if diagnosis else "",
-        contradicted=diagnosis is not None and diagnosis.unexplained is not None,
+        contradicted=CONTRADICTED if diagnosis is not None and diagnosis.unexplained is not None else "",
         checks=check_rows(graph, diagnosis, notation) if diagnosis else (),
         notes=_notes(counts),
     )
@@ -229,12 +234,12 @@ def fault_probabilities(diagnosis: Diagnosis, *, instruments: bool) -> dict[str,
     return totals
 
 
-def detection_sentence(graph: BondGraph, detection: Detection) -> str:
+def detection_sentence(detection: Detection, *, is_known_to_alarm: bool = False) -> str:
     """Say when the alarm came, in which signals or by which walk, and how long after the onset.
 
     Of a model that is known to alarm on healthy data an alarm is no fault by itself.
     """
-    what = "Alarm" if graph.false_alarms else "Fault detected"
+    what = "Alarm" if is_known_to_alarm else "Fault detected"
     if detection.walk is not None:
         return _walk_sentence(what, detection, detection.walk)
     where = f" in {join(detection.signals)}" if detection.signals else ""

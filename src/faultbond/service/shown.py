@@ -92,7 +92,7 @@ def asset_of(
         "remainder": view.remainder,
         "left_out": view.left_out,
         "several": view.several,
-        "contradicted": view.contradicted,
+        "contradicted": bool(view.contradicted),
         "checks": [{"what": row.action, "why": f"tells {row.parts}"} for row in view.checks],
         "notes": list(view.notes),
         "events": [{"text": text, "alarm": alarm} for text, alarm in view.events],

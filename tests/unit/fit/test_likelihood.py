@@ -8,7 +8,7 @@ import pytest
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.contract.samples import Sample
 from faultbond.errors import ModelError, RecordingError
-from faultbond.fit.evidence import all_known
+from faultbond.fit.evidence import all_known, likelihoods
 from faultbond.fit.objective import FitPoint, FittedPlant, evaluate_likelihood, likelihood_value, score_recordings
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.session import build_fit, free_parameters
@@ -193,3 +193,17 @@ def test_names_that_make_no_sense(fixed: tuple[str, ...], free: tuple[str, ...] 
     """Names of parameters are checked."""
     with pytest.raises(ModelError, match=match):
         free_parameters(parse_model(RC), fixed, free)
+
+
+def test_many_ways_to_declare_are_told_in_order() -> None:
+    """However many there are, each has the likelihood of a filter with slopes that follows it alone."""
+    plant, records, begin = prepared(RC, recording())
+    _, more, _ = prepared(RC, recording(90, seed=2))
+    records, starts = (*records, *more), np.concatenate([begin.starts, begin.starts])
+    lanes = replace(plant, engine=likelihood_engine(build_model(parse_model(RC)), slopes=False), slopes=False)
+    declared = np.tile(plant.base, (150, 1))
+    declared[:, 0] *= np.linspace(0.5, 2.0, len(declared))
+    declared[:, plant.layout.first_noise] += np.linspace(1.0, -1.0, len(declared))
+    found = likelihoods(lanes, records, starts, declared)
+    assert found == pytest.approx(likelihoods(plant, records, starts, declared), rel=1e-9)
+    assert len(set(found)) == len(declared)

@@ -121,7 +121,7 @@ def test_a_clock_that_was_set_back_gives_no_time_below_none(history: History) ->
     told = verdict_sentence(GRAPH, back, RunCounts(samples=90, clock_jumps=1), Notation.FILE)
     assert told == "No fault found in 90 samples (90 s)."
     (alarm,) = history.detections
-    late = detection_sentence(GRAPH, replace(alarm, time=10.0, change_time=30.0))
+    late = detection_sentence(replace(alarm, time=10.0, change_time=30.0))
     assert late.endswith("it began at about 30 s (by the clock as it was before it was set back).")
 
 
@@ -241,7 +241,7 @@ def test_a_model_that_is_known_to_alarm_is_told_with_its_cure(history: History) 
         told = verdict_sentence(graph, shown, RunCounts(samples=9), Notation.FILE)
         off = "Most likely the model is off (66.7 %): it is known to alarm on healthy data (`false_alarms: 2`). "
         assert told.startswith(off + "`faultbond fit`")
-        assert detection_sentence(graph, alarm).startswith("Alarm at ")
+        assert detection_sentence(alarm, is_known_to_alarm=True).startswith("Alarm at ")
         assert "Nearest comes a change of the pipe" in told
         view = view_of(graph, shown, RunCounts(samples=9), Notation.FILE)
         assert view.left_out.startswith("With 66.7 % the model is off: ")
@@ -338,21 +338,21 @@ def test_detection_without_diagnosis_says_so(history: History) -> None:
 
 def test_alarm_names_signal_onset_and_delay(history: History) -> None:
     """The alarm is dated on the recording's clock."""
-    text = detection_sentence(GRAPH, history.detections[0])
+    text = detection_sentence(history.detections[0])
     assert text == "Fault detected at 876 s in flow; it began at about 609 s (delay 4.45 min)."
 
 
 def test_alarm_by_a_walk_names_the_parameter(history: History) -> None:
     """And from when on it was there."""
     alarm = replace(history.detections[0], walk=Walk(parameter="K1", sd=8.04, from_start=False))
-    text = detection_sentence(GRAPH, alarm)
+    text = detection_sentence(alarm)
     assert text.startswith(
         "Fault detected at 876 s, by K1, which the healthy model had to move 8.0 times as far as is usual;"
     )
     assert "it began after 609 s" in text
-    first = detection_sentence(GRAPH, replace(alarm, walk=Walk(parameter="K1", sd=3.6, from_start=True)))
+    first = detection_sentence(replace(alarm, walk=Walk(parameter="K1", sd=3.6, from_start=True)))
     assert first.endswith("3.6 times as far as its accuracy: it was there from 609 s on.")
-    all_ = detection_sentence(GRAPH, replace(alarm, walk=Walk(parameter="K1", sd=3.4, from_start=False, together=True)))
+    all_ = detection_sentence(replace(alarm, walk=Walk(parameter="K1", sd=3.4, from_start=False, together=True)))
     assert "by K1 and others, which the healthy model had to move 3.4 times as far as is usual;" in all_
 
 

@@ -30,6 +30,7 @@ from faultbond.service.contract.offline import (
     WrongKindError,
 )
 from faultbond.service.offline import desk as desk_module
+from faultbond.service.offline import outcome as outcome_module
 from faultbond.service.offline.child import CONFINED
 from faultbond.service.offline.job import Job, JobState
 from faultbond.service.offline.limits import OfflineLimits
@@ -85,6 +86,25 @@ def test_it_gives_what_the_command_line_writes(bench: Made, compiled: Path, tmp_
     assert best["change"].endswith("%")
     assert (told["model"], told["files"][0]["name"]) == ("Pumpe 7 (neu).yaml", "../../etc/Anlage.CSV")
     assert told["results"] == ["report", "records"]
+
+
+@pytest.mark.parametrize(("unexplained", "percent"), [(None, "97.5"), ({"signal": "p"}, "")])
+def test_what_the_data_contradict_is_not_told_as_likely(
+    unexplained: dict[str, str] | None, percent: str, tmp_path: Path
+) -> None:
+    """The last diagnosis counts, and none of its candidates has a percentage where nothing explains the data."""
+    value = {"nominal": 1.0, "estimate": 2.0, "sd": 0.1}
+    candidate = {
+        "components": ["pipe"],
+        "parameters": {"K1": value},
+        "probability": 0.975,
+        "kind": "step",
+        "group": True,
+    }
+    last = {"record": "diagnosis", "time": 9.0, "candidates": [candidate], "unexplained": unexplained}
+    (tmp_path / "r.jsonl").write_text(json.dumps({**last, "candidates": []}) + "\n" + json.dumps(last) + "\n")
+    (told,) = outcome_module._candidates(tmp_path / "r.jsonl")
+    assert (told["names"], told["percent"], told["probability"]) == (["K1"], percent, 0.975)
 
 
 def test_the_model_of_an_asset_is_that_which_is_watched(bench: Made, compiled: Path) -> None:
