@@ -698,11 +698,18 @@ def test_nothing_is_added_to_a_right_model(model: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "now", "deaf"),
-    [(0.02, 0.4, ()), (0.02, 0.6, ("R",)), (0.02, None, ("R",)), (0.7, 0.9, ()), (None, None, ())],
+    ("before", "now", "moves", "deaf"),
+    [
+        (0.02, 0.4, 0.2, ()),
+        (0.02, 0.6, 0.0, ("R",)),
+        (0.02, None, 0.0, ("R",)),
+        (0.7, 0.9, 0.4, ()),
+        (None, None, 0.0, ()),
+        (0.02, 0.1, 0.3, ("R",)),  # it raises an alarm, of which no fault is claimed
+    ],
 )
 def test_a_model_that_hardly_watches_a_part_says_so(
-    before: float | None, now: float | None, deaf: tuple[str, ...]
+    before: float | None, now: float | None, moves: float, deaf: tuple[str, ...]
 ) -> None:
     """A resistance of which half may go unseen, as it could not before, is named, with the law to look at."""
     graph = parse_model(MODEL)
@@ -722,7 +729,7 @@ def test_a_model_that_hardly_watches_a_part_says_so(
     item = Imperfection(kind=Kind.ABSOLUTE, place="source.e", size=1.0, memory=60.0)
     health = SimpleNamespace(keeps=True, has_room=True, between=1e9, peak=0.5, walk=0.1)
     found = Quieted(
-        fitted=cast("Any", SimpleNamespace(graph=graph, strays=())),
+        fitted=cast("Any", SimpleNamespace(graph=graph, strays=(), healthy_changes={"R": moves * nominal})),
         text="",
         held=("b.csv",),
         stated=True,

@@ -148,7 +148,7 @@ function noClaim(diagnosis, detection) {
   }
   if (diagnosis.unexplained) return unexplainedSentence(diagnosis.unexplained);
   if (!(diagnosis.within_accuracy > diagnosis.candidates[0].probability)) return "";
-  return `Something changed, by no more than the model declares of healthy parts, ${certaintyText(diagnosis.within_accuracy)}: no fault is claimed.`;
+  return `Something changed, by no more than the model declares of healthy parts (\`accuracy\`, \`healthy_change\`), ${certaintyText(diagnosis.within_accuracy)}: no fault is claimed.`;
 }
 
 function actionText(item) {
@@ -218,12 +218,14 @@ function earlySentence(diagnosis, detection) {
   return `This is early, ${withNoun(since, "sample")} after the alarm: up to ${MODEL.lastRenewal} it may still change.`;
 }
 
+const EVENLY = "each set that is tested has an even share of this in its percentage.";
+
 // What may be true beside the candidates.
 function besideText(diagnosis) {
   const told = [], left = diagnosis.untested;
-  if (diagnosis.mismatch) told.push(`With ${probabilityText(diagnosis.mismatch)}${NO_BREAK}% the model is off: each set that is tested has an even share of this in its percentage.`);
+  if (diagnosis.mismatch) told.push(`With ${probabilityText(diagnosis.mismatch)}${NO_BREAK}% the model is off: ${EVENLY}`);
   if (diagnosis.within_accuracy >= NEGLIGIBLE && !diagnosis.unexplained)
-    told.push(`With ${probabilityText(diagnosis.within_accuracy)}${NO_BREAK}% no part that is tested changed by more than its declared accuracy allows a healthy one.`);
+    told.push(`With ${probabilityText(diagnosis.within_accuracy)}${NO_BREAK}% nothing that is tested changed by more than it may while healthy: ${EVENLY}`);
   if (left && left.sets)
     told.push(`Another ${left.sets} sets were too many to be tested; ` + (left.probability >= 1
       ? "how likely it is that the truth is among them cannot be told."

@@ -30,6 +30,9 @@ MOST_LEFT = 3  # places that are named as worth a look
 TOLD = 3.0  # nats; what gains less is no place to look at
 SMALLER = 0.9  # times what is declared; a slow error that may be less small than that stays as it is
 DEAF = 0.5  # of a value; a part that has to change by more is hardly watched
+MOVING = (
+    0.25  # of a value: of one that seems to move so far (sd) while healthy, half of it is no fault, see `core/within.h`
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,14 +84,16 @@ class Quieted:
 
     @property
     def deaf(self) -> tuple[str, ...]:
-        """Parameters of which no change by less than half of the value is found any more, as it was before."""
+        """Parameters of which no change by less than half is found any more, or claimed, as it was before."""
         before = {item.parameter: item.value for item in self.smallest_before}
         now = {item.parameter: item.value for item in self.smallest_after}
         half = {item.name: DEAF * abs(item.nominal) for item in self.fitted.graph.parameters}
+        moves = self.fitted.healthy_changes
         return tuple(
             name
             for name, value in now.items()
-            if _is_below(before.get(name), half.get(name, 0.0)) and not _is_below(value, half[name])
+            if _is_below(before.get(name), half.get(name, 0.0))
+            and (not _is_below(value, half[name]) or moves.get(name, 0.0) >= MOVING / DEAF * half[name])
         )
 
 

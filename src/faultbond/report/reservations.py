@@ -12,6 +12,7 @@ from faultbond.types import TimeGrid
 
 NEGLIGIBLE = 0.001  # probability that is not worth a word
 CONTRADICTED = "The data contradict them all: their order tells which comes nearest, and none is likely."
+EVENLY = "each set that is tested has an even share of this in its percentage."
 LITTLE_SEEN = 500  # samples: an alarm that comes earlier may as well tell that the model never fitted
 
 
@@ -24,7 +25,10 @@ def reason_for_none(graph: BondGraph, diagnosis: Diagnosis, began: Detection) ->
     if diagnosis.within_accuracy <= diagnosis.candidates[0].probability:
         return ""
     sure = certainty_text(diagnosis.within_accuracy)
-    return f"Something changed, by no more than the model declares of healthy parts, {sure}: no fault is claimed."
+    return (
+        "Something changed, by no more than the model declares of healthy parts (`accuracy`, `healthy_change`), "
+        f"{sure}: no fault is claimed."
+    )
 
 
 def _off_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> str:
@@ -173,7 +177,7 @@ def mismatch_sentence(diagnosis: Diagnosis) -> str:
     if not diagnosis.mismatch:
         return ""
     percent = probability_text(diagnosis.mismatch)
-    return f"With {percent} % the model is off: each set that is tested has an even share of this in its percentage."
+    return f"With {percent} % the model is off: {EVENLY}"
 
 
 def within_sentence(diagnosis: Diagnosis) -> str:
@@ -181,7 +185,7 @@ def within_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.within_accuracy < NEGLIGIBLE or diagnosis.unexplained is not None:
         return ""
     percent = probability_text(diagnosis.within_accuracy)
-    return f"With {percent} % no part that is tested changed by more than its declared accuracy allows a healthy one."
+    return f"With {percent} % nothing that is tested changed by more than it may while healthy: {EVENLY}"
 
 
 def untested_sentence(diagnosis: Diagnosis) -> str:

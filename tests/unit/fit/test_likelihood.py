@@ -207,3 +207,21 @@ def test_many_ways_to_declare_are_told_in_order() -> None:
     found = likelihoods(lanes, records, starts, declared)
     assert found == pytest.approx(likelihoods(plant, records, starts, declared), rel=1e-9)
     assert len(set(found)) == len(declared)
+
+
+def test_each_recording_has_its_own_start() -> None:
+    """What several recordings say is the sum of what each says from where it begins."""
+    text = RC.replace(", start: {q: 0.1 C, sd: 0.02 C}", "")
+    plant, first, begin = prepared(text, recording())
+    _, second, other = prepared(text, recording(90, seed=2))
+    both = replace(
+        begin, starts=np.concatenate([begin.starts, other.starts + 0.02]), sizes=np.tile(begin.sizes, (2, 1))
+    )
+    alone = replace(begin, starts=both.starts[1:])
+    records = (*first, *second)
+    parts = [evaluate_likelihood(plant, first, begin), evaluate_likelihood(plant, second, alone)]
+    assert evaluate_likelihood(plant, records, both).value == pytest.approx(sum(item.value for item in parts))
+    assert likelihood_value(plant, records, both) == pytest.approx(sum(item.value for item in parts))
+    scored = score_recordings(plant, records, both)
+    assert [item.value for item in scored] == pytest.approx([item.value for item in parts])
+    assert parts[1].value != pytest.approx(evaluate_likelihood(plant, second, begin).value)

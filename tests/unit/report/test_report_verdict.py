@@ -199,11 +199,14 @@ def test_what_lies_within_the_accuracy_is_not_claimed(history: History) -> None:
     shown = replace(history, diagnoses=(*history.diagnoses, diagnosis))
     told = verdict_sentence(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
     assert told.startswith(
-        "Something changed, by no more than the model declares of healthy parts, 90 % sure: no fault is claimed."
+        "Something changed, by no more than the model declares of healthy parts (`accuracy`, `healthy_change`), 90 % "
+        "sure: no fault is claimed."
     )
     assert "Nearest comes a change of the pipe: K1 " in told
     view = view_of(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
-    assert view.left_out.startswith("With 90.0 % no part that is tested changed by more than its declared accuracy")
+    assert view.left_out.startswith(
+        "With 90.0 % nothing that is tested changed by more than it may while healthy: each"
+    )
     less = replace(history, diagnoses=(*history.diagnoses, replace(diagnosis, within_accuracy=0.05)))
     told = verdict_sentence(GRAPH, less, RunCounts(samples=9), Notation.FILE)
     assert told.startswith("Most likely the pipe changed")
