@@ -45,7 +45,7 @@ def rewrite(
     text : of the model file
     graph : read from it
     parameters, sizes : what is to be written
-    remark : a comment for the first line; it takes the place of the one that an earlier call wrote
+    remark : a comment for the first line, in place of the one that an earlier call wrote; without it that stays
 
     Raises
     ------
@@ -68,7 +68,7 @@ def rewrite(
         edits.append(_put(node, " + ".join(_scaled(part, size.times) for part in str(node.value).split(" + "))))
     for first, end, new in sorted(edits, reverse=True, key=lambda edit: edit[0]):
         text = text[:first] + new + text[end:]
-    if text.startswith(_MARK):
+    if remark and text.startswith(_MARK):
         text = text.partition("\n")[2]
     return f"{_MARK}{remark}\n{text}" if remark else text
 

@@ -51,12 +51,13 @@ def test_it_reads_back() -> None:
 
 
 def test_the_remark_is_renewed() -> None:
-    """The first line tells of the last rewriting only."""
+    """The first line tells of the last rewriting that has anything to tell: larger sizes do not take doubts away."""
     graph = parse_model(TEXT)
     once = rewrite(TEXT, graph, NEW, [], "a.csv")
     twice = rewrite(once, graph, NEW, [], "b.csv")
     assert once == "# Fitted to a.csv\n" + rewrite(TEXT, graph, NEW, [])
     assert twice == once.replace("a.csv", "b.csv")
+    assert rewrite(once, graph, [], []) == once
 
 
 def test_a_value_that_is_not_there() -> None:
