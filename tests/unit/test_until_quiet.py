@@ -25,7 +25,7 @@ from faultbond.contract.findings import Unexplained
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.errors import FaultbondError
-from faultbond.fit import objective, quiet_search, trial
+from faultbond.fit import further, objective, trial
 from faultbond.fit import offset as offset_module
 from faultbond.fit.delays import HINT
 from faultbond.fit.false_alarms import Rate
@@ -309,11 +309,11 @@ def searched(
     """Give a search after its round, and what it chose, by where imperfections lead alone and together."""
     search = bare_search()
     ground = SimpleNamespace(climbed=lambda _, item, few: alone[item])
-    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item, 9.0) for item in alone])
-    monkeypatch.setattr(Search, "_together", together)
-    better = search.better(stand)
-    assert better is not None
-    return search, better
+    monkeypatch.setattr(further, "worth_fitting", lambda *_: [(ground, item, 9.0) for item in alone])
+    monkeypatch.setattr(further, "added_together", together)
+    found = further.better(search, stand)
+    assert found is not None
+    return search, found
 
 
 @pytest.mark.parametrize(
@@ -385,9 +385,9 @@ def test_a_lag_that_was_tried_in_vain_is_tried_once_more_where_it_promises_more(
     ground = SimpleNamespace(best_lag=lambda *_: (lag, gain))
     monkeypatch.setattr(Search, "profile", lambda *_: [])
     monkeypatch.setattr(Search, "ground_with", lambda *_, **__: ground)
-    monkeypatch.setattr(quiet_search, "late_ones", lambda *_: [(lag, 2.0 * HINT)])
-    monkeypatch.setattr(quiet_search, "other_holds", lambda *_: [])
-    assert [item[1:] for item in search._promising(stand)] == ([(lag, gain)] if is_tried else [])
+    monkeypatch.setattr(further, "late_ones", lambda *_: [(lag, 2.0 * HINT)])
+    monkeypatch.setattr(further, "other_holds", lambda *_: [])
+    assert [item[1:] for item in further.worth_fitting(search, stand)] == ([(lag, gain)] if is_tried else [])
 
 
 @pytest.mark.parametrize(("both", "kept"), [(755.0, {Kind.LAG}), (900.0, {Kind.ABSOLUTE, Kind.LAG})])
@@ -495,10 +495,10 @@ def test_what_gains_nothing_beside_all_recordings_is_not_added(gain: float, monk
         return replace(stand, held=stand.held + held, added=(Added(what=item, trained=held, held=held),))
 
     ground = SimpleNamespace(climbed=climbed)
-    monkeypatch.setattr(Search, "_promising", lambda *_: [(ground, item, 9.0)])
+    monkeypatch.setattr(further, "worth_fitting", lambda *_: [(ground, item, 9.0)])
     monkeypatch.setattr(Search, "ground_with", lambda *_, **__: ground)
-    better = bare_search().better(stand)
-    assert (better is not None) == (gain >= WORTH)
+    found = further.better(bare_search(), stand)
+    assert (found is not None) == (gain >= WORTH)
 
 
 def test_an_interval_has_a_length() -> None:
@@ -938,7 +938,7 @@ def test_a_signal_after_the_search_keeps_what_was_on_trial(
     monkeypatch.setattr(quiet_fit, name, stop)
     if name == "_raised":
         monkeypatch.setattr(Attempt, "quiet", property(lambda _: False))
-        monkeypatch.setattr(Search, "better", lambda *_: None)
+        monkeypatch.setattr(quiet_fit, "better", lambda *_: None)
     made = [write(tmp_path / f"{seed}.csv", seed=seed) for seed in (1, 2)]
     output, target = tmp_path / "quiet.yaml", tmp_path / "records.jsonl"
     words = ["fit", *map(str, (model, *made)), "--until-quiet", "--starts", "1", "-o", str(output)]

@@ -13,6 +13,7 @@ from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
 from faultbond.fit.cure import cured, strayed
 from faultbond.fit.foothold import Footing, as_found, values_of
+from faultbond.fit.further import better
 from faultbond.fit.healthy_changes import healthy_changes
 from faultbond.fit.held_back import Recordings, parted
 from faultbond.fit.identification import Fit, Halted, Prior, fit_plant
@@ -224,7 +225,7 @@ def _next(search: Search, stand: Footing, asked: set[str]) -> Footing | None:
     """Give where the next thing leads: what explains why parameters stray, a law's offset, else what foretells best."""
     names = strayed(search, stand) - asked
     asked |= names
-    return (cured(search, stand) if names else None) or centred(search, stand) or search.better(stand)
+    return (cured(search, stand) if names else None) or centred(search, stand) or better(search, stand)
 
 
 def _seems_quiet(stand: Footing, read: Recordings, tell: Tell) -> bool:

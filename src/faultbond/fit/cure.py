@@ -8,6 +8,7 @@ declared; there it shows. It is kept where they then stay, and where letting the
 import numpy as np
 
 from faultbond.fit.foothold import Footing
+from faultbond.fit.further import better
 from faultbond.fit.quiet_search import CLOSE, FEWEST, WORTH, Search
 from faultbond.fit.stray import INSIDE, strayed_by
 
@@ -28,14 +29,16 @@ def cured(search: Search, stand: Footing) -> Footing | None:
     search.tell(f"asking what else it may be that puts {', '.join(sorted(names))} far from what was declared")
     search.inside, refused = names, dict(search.refused)
     held = search.ground(stand.graph).climbed(stand)
-    better = search.better(held) if np.isfinite(held.trained) else None  # the plant may have no course with them there
+    further = (
+        better(search, held) if np.isfinite(held.trained) else None
+    )  # the plant may have no course with them there
     search.inside, search.refused = frozenset(), refused
-    if better is None:
+    if further is None:
         return None
-    ground, before = search.ground(better.graph), search.believed
-    free = ground.climbed(better)
+    ground, before = search.ground(further.graph), search.believed
+    free = ground.climbed(further)
     search.believed = before | names
-    found = ground.climbed(better)
+    found = ground.climbed(further)
     gain = found.held - stand.held
     if gain >= WORTH and free.held - found.held <= max(FEWEST, CLOSE * gain) and not names & strayed(search, found):
         return found

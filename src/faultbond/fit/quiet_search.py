@@ -1,19 +1,13 @@
 """Which imperfections healthy recordings call for: the fewest, each by likelihood, judged by what was held back.
 
-Round by round: what each possible imperfection would gain is asked on a grid of sizes and memories with all else as it
-stands; the best few are fitted together with everything else; of those that foretell the recordings that were held back
-about equally well, the one is kept that leaves the parameters best known. Others of the round that gain beside it what
-they gain alone are kept with it. A round that foretells nothing better is the last.
+Round by round (`fit/further.py`), until one foretells nothing better. Here is what the rounds ask of a plant: what
+would something gain with all else as it stands, and where does a fit lead that begins there.
 
 A parameter that a fit puts far outside its declared accuracy is a sign of a wrong model before it is one of a wrong
 number: what is missing is asked for with it held inside, and is kept where it explains the data about as well.
-
-Source: Rao 1948 and Akaike 1974 in spirit (one term at a time, by likelihood); held-back data as in Stone, J. Royal
-Statistical Society B 36 (1974) 111.
 """
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import Protocol
 
@@ -22,10 +16,8 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
-from faultbond.errors import StructureError
 from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.certainty import inverse_of
-from faultbond.fit.delays import HINT, late_ones, other_holds
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
 from faultbond.fit.foothold import Added, Footing, in_time, keys_of, values_at, with_noise
 from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit, Prior, fit_at
@@ -59,11 +51,6 @@ SPENT = 0.5  # nats; what gains less explains nothing any more
 WORTH = 3.0  # nats by which held-back recordings must be foretold better
 FEWEST = 5.0  # nats, and
 CLOSE = 0.03  # part of the best gain: so much less is about as good
-TRIED = 3  # of the best, in each round
-PROMISING = 0.15  # of what the best would gain with all else as it stands; what would gain less is not fitted
-WORTHY = 0.1  # of the best gain; what gains as much may be kept with the best
-BESIDE = 0.5  # of what others gain alone they gain beside the best where each has a cause of its own
-MOST_BESIDE = 3  # kept in a round
 ROUNDS = 8
 TURNS = 15  # steps of a climb that compares
 SIZES = (0.003, 0.01, 0.03, 0.1, 0.3)  # parts of a value, or of the usual size of a signal
@@ -76,7 +63,6 @@ LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # samples
 LAG_GRID = 4.0  # samples: a lag for which one step of the integration is enough
 LEAST_LAG = 0.2  # samples
 NO_LAG = 1.01 * LEAST_LAG  # samples: a lag that would rather be none
-LATE_TRIED = 3  # of lags and holds that errors hint at, in each round: those that promise most
 AGAIN = 2.0  # times what it promised before; what was tried in vain and promises more is tried once more
 SIZED = (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER, Kind.INPUT_NOISE)
 MOST_SAMPLES = 6000  # with which sizes are compared
@@ -131,17 +117,17 @@ class Search:
         tell("building a filter with all that may be missing")
         self.all = self._with_all(graph)
 
-    def _with_all(self, graph: BondGraph) -> "_Ground":
+    def _with_all(self, graph: BondGraph) -> "Ground":
         """Give a plant in which all that may be missing is open, for likelihoods alone."""
         checks = tuple(Check(name=name, kind=CheckKind.SIGNAL, reads=Name(name)) for name in self.signals)
         offsets = (Imperfection(kind=Kind.OFFSET, place=name, size=0.0, law=law) for name, law in self.laws.items())
         opened = with_imperfections(graph, (*self.possible, *offsets))
         return self.ground(replace(opened, checks=checks), slopes=False)
 
-    def ground(self, graph: BondGraph, *, slopes: bool = True) -> "_Ground":
+    def ground(self, graph: BondGraph, *, slopes: bool = True) -> "Ground":
         """Give a plant as the likelihood takes it."""
         model = build_step_model(build_plant(graph))
-        return _Ground(self, graph, model, self.build(model, slopes=slopes), slopes=slopes)
+        return Ground(self, graph, model, self.build(model, slopes=slopes), slopes=slopes)
 
     def first(self, found: Fit) -> Footing:
         """Give where a fit of the plant as it stands leads."""
@@ -166,43 +152,13 @@ class Search:
         point = replace(begin, values=values, starts=ground.starts_of(stand))
         return fit_at(plant, self.trained, begin, point, prior)
 
-    def _leave_out_wild(self, ground: "_Ground", stand: Footing) -> None:
+    def _leave_out_wild(self, ground: "Ground", stand: Footing) -> None:
         """Leave out readings of what is held back that lie far off, if they are few, as the fit has left out others."""
         q = ground.q_of(stand)
         seen = ground.seen(self.held, ground.begin_of(self.held, self.begin_held), q)
         far = [np.abs(item.standardised) > WILD for item in seen]
         if sum(int(item.sum()) for item in far) <= FEW_WILD * sum(item.readings for item in self.held):
             self.held = tuple(item.without(wild) for item, wild in zip(self.held, far, strict=True))
-
-    def better(self, stand: Footing) -> Footing | None:
-        """Give where the best further imperfection leads; None: none foretells what was held back better."""
-        if not (tried := self._promising(stand)):
-            return None
-        self.tell(f"fitting {', '.join(item.words for _, item, _ in tried)}")
-        found = [ground.climbed(stand, item, few=True) for ground, item, _ in tried]
-        gained = [item.held - stand.held if np.isfinite(item.held) else -np.inf for item in found]
-        most = max(gained, default=-np.inf)
-        if not most >= WORTH:
-            return None
-        near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
-        best = min(near, key=lambda item: item.unknown)
-        hidden = [item for item in found if best.added[-1].may_have(item.added[-1], WORTHY)]
-        for (_, what, promised), item, gain in zip(tried, found, gained, strict=True):
-            if gain < WORTH and item not in hidden:
-                self.refused[what.key] = max(promised, HINT)
-        # What gains as much as the best is likely to explain the same, so it is the last to be tried beside it. Lags
-        # and holds are first beside a slow error, which may stand for them.
-        slow = best.added[-1].what.is_slow
-        order = sorted(found, key=lambda item: (slow and not item.added[-1].what.is_late, item in near, -item.held))
-        others = [item for item in order if item is not best]
-        worthy = [item for item in others if item.held - stand.held >= max(WORTH, WORTHY * most) or item in hidden]
-        if not slow:  # a slow error also takes what a lag explains that is not there yet
-            worthy = [item for item in worthy if not item.added[-1].what.is_slow]
-        if (joint := self._joint(stand, best, worthy)) is not None:
-            return joint
-        alike = tuple(item.added[-1].what for item in near if item is not best)
-        alone = self._together(stand, [replace(best.added[-1], alike=alike)])
-        return alone if alone.held - stand.held >= WORTH else None  # it may have gained by other values of parameters
 
     def lasting(self, stand: Footing) -> Footing:
         """Give a footing without lags that have come down to the least, and slow errors of no use, if that is as good.
@@ -238,84 +194,13 @@ class Search:
         gains = self.asking(stand)[1]([replace(item.what, size=UNTRIED) for item in added])
         return [item for item, gain in zip(added, gains, strict=True) if gain > -SPENT]
 
-    def _promising(self, stand: Footing) -> list[tuple["_Ground", Imperfection, float]]:
-        """Give what is worth to be fitted, each with a plant that may have it and its gain with the rest as it is.
-
-        Lags and slow errors are weighed among their like: a slow error takes at once what a lag does with others only.
-        A lag that was tried in vain is tried once more where it promises more than then: something else is there now.
-        """
-        slow = [item for item in self.profile(stand) if item[1] > 0.0][:TRIED]
-        slow = [item for item in slow if item[1] >= PROMISING * slow[0][1]]
-        lags = [item for item, gain in late_ones(stand, self.trained) if gain > HINT and self._is_new(stand, item)]
-        between = [
-            item for item in other_holds(stand, self.trained, self.all.model.direct) if item.key not in self.refused
-        ]
-        late: list[tuple[Imperfection, float]] = []
-        for item in (*lags, *between[:1]):
-            with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
-                late.append(self.ground_with(stand, (item,), slopes=False).best_lag(stand, item))
-        late = [(item, gain) for item, gain in late if gain > AGAIN * self.refused.get(item.key, -np.inf)]
-        most = max((gain for _, gain in late), default=0.0)
-        late = sorted((item for item in late if item[1] >= PROMISING * most), key=lambda item: item[1], reverse=True)
-        tried = [(self.ground_with(stand, (item,)), item, gain) for item, gain in late[:LATE_TRIED]]
-        if not slow:
-            return tried
-        shared = self.ground_with(stand, [item for item, _ in slow if item.key not in keys_of(stand.graph)])
-        return [*((shared, *item) for item in slow), *tried]
-
-    def _is_new(self, stand: Footing, lag: Imperfection) -> bool:
-        return parameter_name(lag) not in stand.values and self.refused.get(lag.key, 0.0) < np.inf
-
-    def ground_with(self, stand: Footing, more: Sequence[Imperfection], *, slopes: bool = True) -> "_Ground":
+    def ground_with(self, stand: Footing, more: Sequence[Imperfection], *, slopes: bool = True) -> "Ground":
         """Give a plant that may have further imperfections; without slopes for likelihoods alone."""
         sizes = {Kind.LAG: LAG_GRID * self.step}
         opened = tuple(
             item if item.kind is Kind.OFFSET else replace(item, size=sizes.get(item.kind, UNTRIED)) for item in more
         )
         return self.ground(with_imperfections(stand.graph, opened), slopes=slopes)
-
-    def _joint(self, stand: Footing, best: Footing, others: Sequence[Footing]) -> Footing | None:
-        """Give where the best and others, each of another place, lead together; None: they gain no more than one does.
-
-        What explains the same thing gains together hardly more than alone; that is not added twice. A slow error that
-        is best may stand for lags, also one of its own place: they are asked for beside it, and it goes where they gain
-        as much without it.
-        """
-        places = {(best.added[-1].what.place, best.added[-1].what.is_late)}
-        chosen = [best]
-        for item in others:
-            place = item.added[-1].what.place, item.added[-1].what.is_late
-            if len(chosen) < MOST_BESIDE and place not in places:
-                chosen.append(item)
-                places.add(place)
-        while len(chosen) > 1:
-            more = [item.added[-1] for item in chosen]
-            self.tell(f"fitting {', '.join(item.what.words for item in more)} together")
-            with suppress(StructureError):
-                found = self._together(stand, more)
-                slow = more[0].what.is_slow  # it has much of what lags and holds gain
-                asked = sum(WORTH if slow and item.what.is_late else BESIDE * item.held for item in more[1:])
-                if found.held - stand.held >= more[0].held + asked:
-                    return self._without_stand_in(stand, found, more)
-            chosen = chosen[: 2 if len(chosen) > 2 else 0]
-        return None
-
-    def _without_stand_in(self, stand: Footing, found: Footing, more: Sequence[Added]) -> Footing:
-        """Give a footing without its slow error where what comes late beside that foretells as much alone."""
-        late = [item for item in more if item.what.is_late]
-        if not more[0].what.is_slow or len(late) != len(more) - 1:
-            return found
-        self.tell(f"fitting {', '.join(item.what.words for item in late)} without {more[0].what.words}")
-        alone = self._together(stand, late)
-        return alone if found.held - alone.held < WORTH else found
-
-    def _together(self, stand: Footing, more: Sequence[Added]) -> Footing:
-        """Give where imperfections lead together, all recordings considered; each with what it gained by itself."""
-        items = [item.what for item in more]
-        found = self.ground_with(stand, items).climbed(stand, *items)
-        sizes = {item.what.key: item.what for item in found.added}
-        kept = (replace(item, what=sizes[item.what.key]) for item in more)
-        return replace(found, added=(*found.added[: len(stand.added)], *kept))
 
     def profile(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""
@@ -381,7 +266,7 @@ class Search:
         return fit or (self.longest,)
 
 
-class _Ground:
+class Ground:
     """A plant in which some imperfections are open, as the likelihood takes it."""
 
     def __init__(self, search: Search, graph: BondGraph, model: StepModel, engine: Likelihood, *, slopes: bool) -> None:

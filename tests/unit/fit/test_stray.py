@@ -14,6 +14,7 @@ from faultbond.app.identification import read_points
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.app.quiet_fit import _next
 from faultbond.cli import DONE, main
+from faultbond.fit import cure
 from faultbond.fit.cure import cured, strayed
 from faultbond.fit.foothold import Footing
 from faultbond.fit.identification import fit_plant
@@ -154,9 +155,6 @@ class Cured(SimpleNamespace):
             return replace(stand, held=self.gain, values={**stand.values, "R": self.ends})
         return replace(stand, held=self.gain + self.free, values={**stand.values, "R": 3.0})
 
-    def better(self, stand: Footing) -> Footing | None:
-        return replace(stand, held=self.gain) if self.found else None
-
 
 @pytest.mark.parametrize(
     ("case", "is_cured"),
@@ -169,7 +167,9 @@ class Cured(SimpleNamespace):
         ({"ends": 3.0}, False),
     ],
 )
-def test_what_is_missing_is_kept_where_it_explains_as_much(case: dict[str, float], is_cured: bool) -> None:
+def test_what_is_missing_is_kept_where_it_explains_as_much(
+    case: dict[str, float], is_cured: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It is kept where it foretells better, lets the parameter stay, and letting it go would gain hardly more.
 
     The plant must have a course with the parameter inside. Then the declared accuracy counts from there on; else all is
@@ -185,6 +185,8 @@ def test_what_is_missing_is_kept_where_it_explains_as_much(case: dict[str, float
     )
     fake.__dict__.update(options)
     search = cast(Search, fake)
+    explained = replace(stand, held=fake.gain) if fake.found else None
+    monkeypatch.setattr(cure, "better", lambda *_: explained)
     assert strayed(search, stand) == {"R"}
     found = cured(search, stand)
     assert (found is not None) == is_cured
@@ -201,9 +203,9 @@ def test_each_is_asked_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("faultbond.app.quiet_fit.strayed", lambda *_: frozenset({"R"}))
     monkeypatch.setattr("faultbond.app.quiet_fit.cured", lambda *_: calls.append("cured"))
     monkeypatch.setattr("faultbond.app.quiet_fit.centred", lambda *_: calls.append("centred"))
-    search = cast(Search, SimpleNamespace(better=lambda _: calls.append("better")))
+    monkeypatch.setattr("faultbond.app.quiet_fit.better", lambda *_: calls.append("better"))
     for _ in range(2):
-        assert _next(search, cast(Footing, None), asked) is None
+        assert _next(cast(Search, None), cast(Footing, None), asked) is None
     assert calls == ["cured", "centred", "better", "centred", "better"]
 
 

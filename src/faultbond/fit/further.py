@@ -1,0 +1,136 @@
+"""A round of the search: the imperfection that foretells best what was held back, and those that belong beside it.
+
+What each possible imperfection would gain is asked on a grid of sizes and memories with all else as it stands; the best
+few are fitted together with everything else; of those that foretell the recordings that were held back about equally
+well, the one is kept that leaves the parameters best known. Others of the round that gain beside it what they gain
+alone are kept with it.
+
+Source: Rao 1948 and Akaike 1974 in spirit (one term at a time, by likelihood); held-back data as in Stone, J. Royal
+Statistical Society B 36 (1974) 111.
+"""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from faultbond.errors import StructureError
+from faultbond.fit.delays import HINT, late_ones, other_holds
+from faultbond.fit.foothold import Added, Footing, keys_of
+from faultbond.fit.imperfections import Imperfection, parameter_name
+from faultbond.fit.quiet_search import AGAIN, CLOSE, FEWEST, WORTH, Ground, Search
+
+TRIED = 3  # of the best, in each round
+PROMISING = 0.15  # of what the best would gain with all else as it stands; what would gain less is not fitted
+WORTHY = 0.1  # of the best gain; what gains as much may be kept with the best
+BESIDE = 0.5  # of what others gain alone they gain beside the best where each has a cause of its own
+MOST_BESIDE = 3  # kept in a round
+LATE_TRIED = 3  # of lags and holds that errors hint at, in each round: those that promise most
+
+
+def better(search: Search, stand: Footing) -> Footing | None:
+    """Give where the best further imperfection leads; None: none foretells what was held back better."""
+    if not (tried := worth_fitting(search, stand)):
+        return None
+    search.tell(f"fitting {', '.join(item.words for _, item, _ in tried)}")
+    found = [ground.climbed(stand, item, few=True) for ground, item, _ in tried]
+    gained = [item.held - stand.held if np.isfinite(item.held) else -np.inf for item in found]
+    most = max(gained, default=-np.inf)
+    if not most >= WORTH:
+        return None
+    near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
+    best = min(near, key=lambda item: item.unknown)
+    hidden = [item for item in found if best.added[-1].may_have(item.added[-1], WORTHY)]
+    for (_, what, promised), item, gain in zip(tried, found, gained, strict=True):
+        if gain < WORTH and item not in hidden:
+            search.refused[what.key] = max(promised, HINT)
+    # What gains as much as the best is likely to explain the same, so it is the last to be tried beside it. Lags
+    # and holds are first beside a slow error, which may stand for them.
+    slow = best.added[-1].what.is_slow
+    order = sorted(found, key=lambda item: (slow and not item.added[-1].what.is_late, item in near, -item.held))
+    others = [item for item in order if item is not best]
+    worthy = [item for item in others if item.held - stand.held >= max(WORTH, WORTHY * most) or item in hidden]
+    if not slow:  # a slow error also takes what a lag explains that is not there yet
+        worthy = [item for item in worthy if not item.added[-1].what.is_slow]
+    if (joint := _joint(search, stand, best, worthy)) is not None:
+        return joint
+    alike = tuple(item.added[-1].what for item in near if item is not best)
+    alone = added_together(search, stand, [replace(best.added[-1], alike=alike)])
+    return alone if alone.held - stand.held >= WORTH else None  # it may have gained by other values of parameters
+
+
+def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfection, float]]:
+    """Give what is worth to be fitted, each with a plant that may have it and its gain with the rest as it is.
+
+    Lags and slow errors are weighed among their like: a slow error takes at once what a lag does with others only.
+    A lag that was tried in vain is tried once more where it promises more than then: something else is there now.
+    """
+    slow = [item for item in search.profile(stand) if item[1] > 0.0][:TRIED]
+    slow = [item for item in slow if item[1] >= PROMISING * slow[0][1]]
+    lags = [item for item, gain in late_ones(stand, search.trained) if gain > HINT and _is_new(search, stand, item)]
+    between = [
+        item for item in other_holds(stand, search.trained, search.all.model.direct) if item.key not in search.refused
+    ]
+    late: list[tuple[Imperfection, float]] = []
+    for item in (*lags, *between[:1]):
+        with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
+            late.append(search.ground_with(stand, (item,), slopes=False).best_lag(stand, item))
+    late = [(item, gain) for item, gain in late if gain > AGAIN * search.refused.get(item.key, -np.inf)]
+    most = max((gain for _, gain in late), default=0.0)
+    late = sorted((item for item in late if item[1] >= PROMISING * most), key=lambda item: item[1], reverse=True)
+    tried = [(search.ground_with(stand, (item,)), item, gain) for item, gain in late[:LATE_TRIED]]
+    if not slow:
+        return tried
+    shared = search.ground_with(stand, [item for item, _ in slow if item.key not in keys_of(stand.graph)])
+    return [*((shared, *item) for item in slow), *tried]
+
+
+def _is_new(search: Search, stand: Footing, lag: Imperfection) -> bool:
+    return parameter_name(lag) not in stand.values and search.refused.get(lag.key, 0.0) < np.inf
+
+
+def _joint(search: Search, stand: Footing, best: Footing, others: Sequence[Footing]) -> Footing | None:
+    """Give where the best and others, each of another place, lead together; None: they gain no more than one does.
+
+    What explains the same thing gains together hardly more than alone; that is not added twice. A slow error that
+    is best may stand for lags, also one of its own place: they are asked for beside it, and it goes where they gain
+    as much without it.
+    """
+    places = {(best.added[-1].what.place, best.added[-1].what.is_late)}
+    chosen = [best]
+    for item in others:
+        place = item.added[-1].what.place, item.added[-1].what.is_late
+        if len(chosen) < MOST_BESIDE and place not in places:
+            chosen.append(item)
+            places.add(place)
+    while len(chosen) > 1:
+        more = [item.added[-1] for item in chosen]
+        search.tell(f"fitting {', '.join(item.what.words for item in more)} together")
+        with suppress(StructureError):
+            found = added_together(search, stand, more)
+            slow = more[0].what.is_slow  # it has much of what lags and holds gain
+            asked = sum(WORTH if slow and item.what.is_late else BESIDE * item.held for item in more[1:])
+            if found.held - stand.held >= more[0].held + asked:
+                return _without_stand_in(search, stand, found, more)
+        chosen = chosen[: 2 if len(chosen) > 2 else 0]
+    return None
+
+
+def _without_stand_in(search: Search, stand: Footing, found: Footing, more: Sequence[Added]) -> Footing:
+    """Give a footing without its slow error where what comes late beside that foretells as much alone."""
+    late = [item for item in more if item.what.is_late]
+    if not more[0].what.is_slow or len(late) != len(more) - 1:
+        return found
+    search.tell(f"fitting {', '.join(item.what.words for item in late)} without {more[0].what.words}")
+    alone = added_together(search, stand, late)
+    return alone if found.held - alone.held < WORTH else found
+
+
+def added_together(search: Search, stand: Footing, more: Sequence[Added]) -> Footing:
+    """Give where imperfections lead together, all recordings considered; each with what it gained by itsearch."""
+    items = [item.what for item in more]
+    found = search.ground_with(stand, items).climbed(stand, *items)
+    sizes = {item.what.key: item.what for item in found.added}
+    kept = (replace(item, what=sizes[item.what.key]) for item in more)
+    return replace(found, added=(*found.added[: len(stand.added)], *kept))
