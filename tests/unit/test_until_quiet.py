@@ -384,6 +384,7 @@ def test_a_lag_that_was_tried_in_vain_is_tried_once_more_where_it_promises_more(
     search.refused = {} if refused is None else {lag.key: refused}
     ground = SimpleNamespace(best_lag=lambda *_: (lag, gain))
     monkeypatch.setattr(Search, "profile", lambda *_: [])
+    monkeypatch.setattr(Search, "curves", lambda *_: [])
     monkeypatch.setattr(Search, "ground_with", lambda *_, **__: ground)
     monkeypatch.setattr(further, "late_ones", lambda *_: [(lag, 2.0 * HINT)])
     monkeypatch.setattr(further, "other_holds", lambda *_: [])

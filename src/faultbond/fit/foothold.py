@@ -25,12 +25,12 @@ class Added:
     held: float
     alike: tuple[Imperfection, ...] = ()
 
-    def may_have(self, late: "Added", part: float) -> bool:
-        """Tell whether a slow error may have what a lag explains, which gains `part` as much on the recordings fitted.
+    def may_have(self, other: "Added", part: float) -> bool:
+        """Tell whether a slow error may have what a lag or a curve explains, which gains `part` as much where fitted.
 
-        That lag may foretell little by itself: without the slow error, other values stand in for what it lacks.
+        That may foretell little by itself: without the slow error, other values stand in for what it lacks.
         """
-        return self.what.is_slow and late.what.is_late and late.trained >= part * self.trained
+        return self.what.is_slow and other.what.is_definite and other.trained >= part * self.trained
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

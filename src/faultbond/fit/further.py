@@ -21,12 +21,11 @@ from faultbond.fit.foothold import Added, Footing, keys_of
 from faultbond.fit.imperfections import Imperfection, parameter_name
 from faultbond.fit.quiet_search import AGAIN, CLOSE, FEWEST, WORTH, Ground, Search
 
-TRIED = 3  # of the best, in each round
+TRIED = 3  # of the best of each kind, in each round
 PROMISING = 0.15  # of what the best would gain with all else as it stands; what would gain less is not fitted
 WORTHY = 0.1  # of the best gain; what gains as much may be kept with the best
 BESIDE = 0.5  # of what others gain alone they gain beside the best where each has a cause of its own
 MOST_BESIDE = 3  # kept in a round
-LATE_TRIED = 3  # of lags and holds that errors hint at, in each round: those that promise most
 
 
 def better(search: Search, stand: Footing) -> Footing | None:
@@ -45,10 +44,10 @@ def better(search: Search, stand: Footing) -> Footing | None:
     for (_, what, promised), item, gain in zip(tried, found, gained, strict=True):
         if gain < WORTH and item not in hidden:
             search.refused[what.key] = max(promised, HINT)
-    # What gains as much as the best is likely to explain the same, so it is the last to be tried beside it. Lags
-    # and holds are first beside a slow error, which may stand for them.
+    # What gains as much as the best is likely to explain the same, so it is the last to be tried beside it. Lags, holds
+    # and curves are first beside a slow error, which may stand for them.
     slow = best.added[-1].what.is_slow
-    order = sorted(found, key=lambda item: (slow and not item.added[-1].what.is_late, item in near, -item.held))
+    order = sorted(found, key=lambda item: (slow and not item.added[-1].what.is_definite, item in near, -item.held))
     others = [item for item in order if item is not best]
     worthy = [item for item in others if item.held - stand.held >= max(WORTH, WORTHY * most) or item in hidden]
     if not slow:  # a slow error also takes what a lag explains that is not there yet
@@ -63,8 +62,9 @@ def better(search: Search, stand: Footing) -> Footing | None:
 def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfection, float]]:
     """Give what is worth to be fitted, each with a plant that may have it and its gain with the rest as it is.
 
-    Lags and slow errors are weighed among their like: a slow error takes at once what a lag does with others only.
-    A lag that was tried in vain is tried once more where it promises more than then: something else is there now.
+    Slow errors, lags and curves are weighed among their like: a slow error takes at once what a lag does with others
+    only. A lag or a curve that was tried in vain is tried once more where it promises more than then: something else is
+    there now.
     """
     slow = [item for item in search.profile(stand) if item[1] > 0.0][:TRIED]
     slow = [item for item in slow if item[1] >= PROMISING * slow[0][1]]
@@ -76,14 +76,20 @@ def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfec
     for item in (*lags, *between[:1]):
         with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
             late.append(search.ground_with(stand, (item,), slopes=False).best_lag(stand, item))
-    late = [(item, gain) for item, gain in late if gain > AGAIN * search.refused.get(item.key, -np.inf)]
-    most = max((gain for _, gain in late), default=0.0)
-    late = sorted((item for item in late if item[1] >= PROMISING * most), key=lambda item: item[1], reverse=True)
-    tried = [(search.ground_with(stand, (item,)), item, gain) for item, gain in late[:LATE_TRIED]]
-    if not slow:
-        return tried
-    shared = search.ground_with(stand, [item for item, _ in slow if item.key not in keys_of(stand.graph)])
-    return [*((shared, *item) for item in slow), *tried]
+    tried = [(search.ground_with(stand, (item,)), item, gain) for item, gain in _likeliest(search, late)]
+    for like in (_likeliest(search, search.curves(stand)), slow):
+        if like:
+            shared = search.ground_with(stand, [item for item, _ in like if item.key not in keys_of(stand.graph)])
+            tried = [*((shared, *item) for item in like), *tried]
+    return tried
+
+
+def _likeliest(search: Search, asked: Sequence[tuple[Imperfection, float]]) -> list[tuple[Imperfection, float]]:
+    """Give what promises most of its like, and more than when it was tried in vain."""
+    found = [(item, gain) for item, gain in asked if gain > AGAIN * search.refused.get(item.key, -np.inf)]
+    most = max((gain for _, gain in found), default=0.0)
+    found = [(item, gain) for item, gain in found if gain >= PROMISING * most]
+    return sorted(found, key=lambda item: item[1], reverse=True)[:TRIED]
 
 
 def _is_new(search: Search, stand: Footing, lag: Imperfection) -> bool:
@@ -97,10 +103,10 @@ def _joint(search: Search, stand: Footing, best: Footing, others: Sequence[Footi
     is best may stand for lags, also one of its own place: they are asked for beside it, and it goes where they gain
     as much without it.
     """
-    places = {(best.added[-1].what.place, best.added[-1].what.is_late)}
+    places = {(best.added[-1].what.place, best.added[-1].what.is_definite)}
     chosen = [best]
     for item in others:
-        place = item.added[-1].what.place, item.added[-1].what.is_late
+        place = item.added[-1].what.place, item.added[-1].what.is_definite
         if len(chosen) < MOST_BESIDE and place not in places:
             chosen.append(item)
             places.add(place)
@@ -109,26 +115,31 @@ def _joint(search: Search, stand: Footing, best: Footing, others: Sequence[Footi
         search.tell(f"fitting {', '.join(item.what.words for item in more)} together")
         with suppress(StructureError):
             found = added_together(search, stand, more)
-            slow = more[0].what.is_slow  # it has much of what lags and holds gain
-            asked = sum(WORTH if slow and item.what.is_late else BESIDE * item.held for item in more[1:])
+            slow = more[0].what.is_slow  # it has much of what lags, holds and curves gain
+            asked = sum(WORTH if slow and item.what.is_definite else BESIDE * item.held for item in more[1:])
             if found.held - stand.held >= more[0].held + asked:
-                return _without_stand_in(search, stand, found, more)
+                return _without_needless(search, stand, found, more)
         chosen = chosen[: 2 if len(chosen) > 2 else 0]
     return None
 
 
-def _without_stand_in(search: Search, stand: Footing, found: Footing, more: Sequence[Added]) -> Footing:
-    """Give a footing without its slow error where what comes late beside that foretells as much alone."""
-    late = [item for item in more if item.what.is_late]
-    if not more[0].what.is_slow or len(late) != len(more) - 1:
-        return found
-    search.tell(f"fitting {', '.join(item.what.words for item in late)} without {more[0].what.words}")
-    alone = added_together(search, stand, late)
-    return alone if found.held - alone.held < WORTH else found
+def _without_needless(search: Search, stand: Footing, found: Footing, more: Sequence[Added]) -> Footing:
+    """Give a footing without its slow error where lags, holds and curves foretell as much alone, and such a curve."""
+    definite = [item for item in more if item.what.is_definite]
+    needless = [more[0]] if more[0].what.is_slow and len(definite) == len(more) - 1 else []
+    for item in (*needless, *(item for item in more[1:] if item.what.by)):
+        others = [known for known in more if known is not item]
+        if not others:
+            break
+        search.tell(f"fitting {', '.join(known.what.words for known in others)} without {item.what.words}")
+        alone = added_together(search, stand, others)
+        if found.held - alone.held < WORTH:
+            found, more = alone, others
+    return found
 
 
 def added_together(search: Search, stand: Footing, more: Sequence[Added]) -> Footing:
-    """Give where imperfections lead together, all recordings considered; each with what it gained by itsearch."""
+    """Give where imperfections lead together, all recordings considered; each with what it gained by itself."""
     items = [item.what for item in more]
     found = search.ground_with(stand, items).climbed(stand, *items)
     sizes = {item.what.key: item.what for item in found.added}

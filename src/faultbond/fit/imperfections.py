@@ -1,10 +1,10 @@
-"""What a model may leave out, as things that can be added to it: slow errors, offsets, wander, lags, noise of inputs.
+"""What a model may leave out, and can be added to it: slow errors, offsets, curves, wander, lags, noise of inputs.
 
 A law says one thing and the plant does nearly the same; how nearly is the size of a slow error, and how long it stays
 the same is its memory.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import inf
@@ -14,15 +14,16 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.equations.sequence import Assignment, Step
 from faultbond.equations.step import StepModel
+from faultbond.fit.bend import Bend
 from faultbond.fit.likelihood import Layout
-from faultbond.model.expression import Binary, Name
-from faultbond.model.graph import BondGraph, Parameter, SlowError, Unit
+from faultbond.model.expression import Binary, Expression, Name, rebuilt
+from faultbond.model.graph import BondGraph, Component, Parameter, Relation, SlowError, Unit
 from faultbond.types import Hold
 
 MOST_FOLLOWED = 30  # states, slow errors and noise of inputs of a filter in which all is tried at once
 LEAST_PLACES = 6  # slow errors that are tried however large the plant is
 LAG_ACCURACY, LAG_CHANGE = 0.1, 2.0  # parts of a lag that was found
-OFFSET_ACCURACY, OFFSET_CHANGE = 1.0, 2.0  # parts of an offset that was found
+TERM_ACCURACY, TERM_CHANGE = 1.0, 2.0  # parts of an offset, or of the power of a curve, that was found
 TEMPERATURE = "K"  # unit of what has no zero of its own
 UNTRIED = 1e-12  # size of what is only a possibility, in the unit of what it is an error of
 
@@ -36,19 +37,23 @@ class Kind(Enum):
     INPUT_NOISE = "noise"
     LAG = "lag"
     OFFSET = "offset"
+    CURVE = "curve"
     HOLD = "linear hold"
     NEXT = "next hold"
 
 
 KIND_HOLDS = {Kind.HOLD: Hold.LINEAR, Kind.NEXT: Hold.NEXT}
+TERMS = (Kind.OFFSET, Kind.CURVE)  # of laws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Imperfection:
     """Something that a model may leave out: of which kind, of what, how large, over which time (s).
 
-    size : standard deviation, SI or in parts; of a lag its time constant, s; of an offset that, SI; a hold has none
+    size : standard deviation, SI or in parts; of a lag its time constant, s; of an offset that, SI; of a curve the
+    power with which a parameter goes with a signal; a hold has none
     law : of an offset the component that gives the signal, and which of its laws does
+    bend : of a curve, what the parameter goes with
     """
 
     kind: Kind
@@ -57,11 +62,17 @@ class Imperfection:
     size: float = UNTRIED
     memory: float = 1.0
     law: tuple[str, int] = ("", 0)
+    bend: Bend | None = None
+
+    @property
+    def by(self) -> str:
+        """What a curve goes with; empty of all else."""
+        return self.bend.by if self.bend else ""
 
     @property
     def key(self) -> tuple[Kind, str]:
         """What it is without its size."""
-        return self.kind, self.place
+        return self.kind, f"{self.place} over {self.by}" if self.by else self.place
 
     @property
     def is_slow(self) -> bool:
@@ -71,7 +82,7 @@ class Imperfection:
     @property
     def is_parameter(self) -> bool:
         """Whether it is a further parameter of the plant."""
-        return self.kind in (Kind.LAG, Kind.OFFSET)
+        return self.kind in (Kind.LAG, Kind.OFFSET, Kind.CURVE)
 
     @property
     def is_late(self) -> bool:
@@ -79,16 +90,22 @@ class Imperfection:
         return self.kind is Kind.LAG or self.kind in KIND_HOLDS
 
     @property
+    def is_definite(self) -> bool:
+        """Whether it says what happens, and not only how far something may be off."""
+        return self.is_late or self.kind is Kind.CURVE
+
+    @property
     def words(self) -> str:
         """What it is, without its size."""
-        return f"{self.kind.value} of {self.place}"
+        kind, what = self.key
+        return f"{kind.value} of {what}"
 
 
 def law_signals(model: StepModel) -> tuple[str, ...]:
     """Give the signals that laws of components without a store give, in the order of the network."""
     network, plant = model.plant.network, model.plant
     owners = {item.name for item in plant.graph.components if not item.type.is_store}
-    given = {item.signal for item in _assignments(plant.steps) if item.owner in owners}
+    given = {item.signal for item in assignments(plant.steps) if item.owner in owners}
     given -= {store.rate for store in network.states}
     return tuple(name for name in network.signals if name in given)
 
@@ -116,12 +133,13 @@ def signals_behind(model: StepModel) -> dict[str, str]:
     one_law = {item.name for item in model.plant.graph.components if len(item.laws) == 1}
     return {
         item.signal: lefts[item.owner][0]
-        for item in _assignments(model.plant.steps)
+        for item in assignments(model.plant.steps)
         if item.owner in one_law & set(lefts) and item.signal != lefts[item.owner][0]
     }
 
 
-def _assignments(steps: tuple[Step, ...]) -> Iterator[Assignment]:
+def assignments(steps: tuple[Step, ...]) -> Iterator[Assignment]:
+    """Give what is assigned in the steps, also within loops."""
     for step in steps:
         if isinstance(step, Assignment):
             yield step
@@ -209,7 +227,7 @@ def with_imperfections(graph: BondGraph, added: tuple[Imperfection, ...]) -> Bon
     graph = replace(graph, slow_errors=tuple(errors), inputs=tuple(inputs))
     for item in added:
         if item.is_parameter:
-            graph = (_lagging if item.kind is Kind.LAG else _offset)(graph, item)
+            graph = (_lagging if item.kind is Kind.LAG else _with_term)(graph, item)
     return graph
 
 
@@ -235,30 +253,50 @@ def _lagging(graph: BondGraph, item: Imperfection) -> BondGraph:
     return replace(graph, parameters=tuple(parameters.values()), inputs=tuple(inputs), sensors=tuple(sensors))
 
 
-def _offset(graph: BondGraph, item: Imperfection) -> BondGraph:
-    """Give a plant in which a law gives more by a constant; where it does already, by this constant."""
-    name, (owner, number) = parameter_name(item), item.law
-    parameters = {known.name: known for known in graph.parameters}
-    new = name not in parameters
-    offset = Parameter(
+def _with_term(graph: BondGraph, item: Imperfection) -> BondGraph:
+    """Give a plant in which laws have a further term; where they do already, one of this size."""
+    name, parameters = parameter_name(item), {known.name: known for known in graph.parameters}
+    owner, size = parameters[item.place].owner if item.by else item.law[0], abs(item.size)
+    term = Parameter(
         name=name,
         owner=owner,
         nominal=item.size,
         unit=Unit(""),
-        accuracy=OFFSET_ACCURACY * abs(item.size) or 1.0,
-        change=OFFSET_CHANGE * abs(item.size) or 1.0,
+        accuracy=TERM_ACCURACY * size or 1.0,
+        change=TERM_CHANGE * size or 1.0,
         lower=-inf,
         upper=inf,
         suspect=False,
     )
-    graph = replace(graph, parameters=tuple((parameters | {name: offset}).values()))
-    if not new:
-        return graph
+    with_term = replace(graph, parameters=tuple((parameters | {name: term}).values()))
+    if name in parameters:
+        return with_term
     part = graph.component(owner)
-    laws = list(part.laws)
-    laws[number] = replace(laws[number], right=Binary("+", laws[number].right, Name(name)))
-    part = replace(part, laws=tuple(laws), parameters=(*part.parameters, name))
-    return replace(graph, components=tuple(part if known.name == owner else known for known in graph.components))
+    part = replace(part, parameters=(*part.parameters, name))
+    if item.bend is None:
+        laws = list(part.laws)
+        laws[item.law[1]] = replace(laws[item.law[1]], right=Binary("+", laws[item.law[1]].right, Name(name)))
+        part = replace(part, laws=tuple(laws))
+    with_term = _with_part(with_term, part)
+    if item.bend is None:
+        return with_term
+    factor = item.bend.factor(name)
+    return _rewritten(with_term, lambda one: Binary("*", one, factor) if one == Name(item.place) else one)
+
+
+def _with_part(graph: BondGraph, part: Component) -> BondGraph:
+    return replace(graph, components=tuple(part if known.name == part.name else known for known in graph.components))
+
+
+def _rewritten(graph: BondGraph, change: Callable[[Expression], Expression]) -> BondGraph:
+    """Give a plant whose laws and sensors have every part of their expressions changed."""
+
+    def law(item: Relation) -> Relation:
+        return replace(item, left=rebuilt(item.left, change), right=rebuilt(item.right, change))
+
+    parts = (replace(item, laws=tuple(map(law, item.laws))) for item in graph.components)
+    sensors = (replace(item, reads=rebuilt(item.reads, change)) for item in graph.sensors)
+    return replace(graph, components=tuple(parts), sensors=tuple(sensors))
 
 
 def without_lag(graph: BondGraph, item: Imperfection) -> BondGraph:
@@ -270,6 +308,20 @@ def without_lag(graph: BondGraph, item: Imperfection) -> BondGraph:
     return replace(graph, parameters=tuple(parameters), inputs=tuple(inputs), sensors=tuple(sensors))
 
 
+def without_curve(graph: BondGraph, item: Imperfection) -> BondGraph:
+    """Give a plant in which a parameter goes with nothing more than before `with_imperfections`."""
+    name = parameter_name(item)
+    part = graph.component(graph.parameter(name).owner)
+    graph = _with_part(graph, replace(part, parameters=tuple(known for known in part.parameters if known != name)))
+    factor = item.bend.factor(name) if item.bend else Name(name)
+
+    def straight(one: Expression) -> Expression:
+        return one.left if isinstance(one, Binary) and one.right == factor else one
+
+    parameters = tuple(known for known in graph.parameters if known.name != name)
+    return _rewritten(replace(graph, parameters=parameters), straight)
+
+
 def without_slow_error(graph: BondGraph, item: Imperfection) -> BondGraph:
     """Give a plant without a slow error that it has."""
     own = item.place, item.kind is not Kind.ABSOLUTE
@@ -278,8 +330,9 @@ def without_slow_error(graph: BondGraph, item: Imperfection) -> BondGraph:
 
 
 def parameter_name(item: Imperfection) -> str:
-    """Give the name of the parameter that is the time constant of a lag, or an offset."""
-    return f"{item.place.replace('.', '_')}_{item.kind.value}"
+    """Give the name of the parameter that is the time constant of a lag, an offset, or the power of a curve."""
+    words = f"{item.place}_by_{item.by}" if item.by else f"{item.place}_{item.kind.value}"
+    return words.replace(".", "_")
 
 
 def size_place(graph: BondGraph, layout: Layout, item: Imperfection) -> int:

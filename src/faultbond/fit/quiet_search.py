@@ -8,6 +8,7 @@ number: what is missing is asked for with it held inside, and is kept where it e
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Protocol
 
@@ -16,13 +17,16 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
+from faultbond.errors import StructureError
 from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.certainty import inverse_of
+from faultbond.fit.curves import likeliest_curves, possible_curves, powers_of, signals_to_go_with
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
 from faultbond.fit.foothold import Added, Footing, in_time, keys_of, values_at, with_noise
 from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit, Prior, fit_at
 from faultbond.fit.imperfections import (
     KIND_HOLDS,
+    TERMS,
     UNTRIED,
     Imperfection,
     Kind,
@@ -35,6 +39,7 @@ from faultbond.fit.imperfections import (
     signals_behind,
     size_place,
     with_imperfections,
+    without_curve,
     without_lag,
     without_slow_error,
 )
@@ -113,7 +118,7 @@ class Search:
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
         self.inside: frozenset[str] = frozenset()  # parameters that are kept from straying
         self.believed: frozenset[str] = frozenset()  # those of which it is known what made them stray
-        self.signals = tuple(dict.fromkeys([*signals, *self.behind.values()]))
+        self.signals = tuple(dict.fromkeys([*signals, *self.behind.values(), *signals_to_go_with(model)]))
         tell("building a filter with all that may be missing")
         self.all = self._with_all(graph)
 
@@ -161,18 +166,18 @@ class Search:
             self.held = tuple(item.without(wild) for item, wild in zip(self.held, far, strict=True))
 
     def lasting(self, stand: Footing) -> Footing:
-        """Give a footing without lags that have come down to the least, and slow errors of no use, if that is as good.
+        """Give a footing without lags that have come down to the least, and what is of no use, if that is as good.
 
         What was added with them or later explains what they did. Data say nothing of a lag so short, so errors of any
         kind would move it.
         """
-        gone = [*self._spent_lags(stand), *self._spent_slow_errors(stand)]
+        gone = [*self._spent_lags(stand), *self._spent(stand)]
         if not gone:
             return stand
         self.tell(f"fitting without {', '.join(item.what.words for item in gone)}, of which nothing is left")
         graph = stand.graph
         for item in gone:
-            graph = (without_slow_error if item.what.is_slow else without_lag)(graph, item.what)
+            graph = _without(graph, item.what)
         kept = tuple(item for item in stand.added if item not in gone)
         alone = self.ground(graph).climbed(replace(stand, graph=graph, added=kept))
         if not stand.held - alone.held < WORTH:
@@ -185,18 +190,24 @@ class Search:
         added = [item for item in stand.added if item.what.kind is Kind.LAG and parameter_name(item.what) not in own]
         return [item for item in added if item.what.size <= NO_LAG * self.step]
 
-    def _spent_slow_errors(self, stand: Footing) -> list[Added]:
-        """Give slow errors that the model does not declare, each of which the recordings would not miss."""
+    def _spent(self, stand: Footing) -> list[Added]:
+        """Give slow errors that the model does not declare, and curves, each of which the recordings would not miss."""
         own = keys_of(self.graph)
-        added = [item for item in stand.added if item.what.is_slow and item.what.key not in own]
-        if len(added) < 2:  # what was added last is of use
+        slow = [item for item in stand.added if item.what.is_slow and item.what.key not in own]
+        curves = [item for item in stand.added if item.what.kind is Kind.CURVE]
+        if not curves and len(slow) < 2:  # what was added last is of use
             return []
-        gains = self.asking(stand)[1]([replace(item.what, size=UNTRIED) for item in added])
-        return [item for item, gain in zip(added, gains, strict=True) if gain > -SPENT]
+        gains = self.asking(stand)[1]([replace(item.what, size=UNTRIED) for item in slow])
+        spent = [item for item, gain in zip(slow, gains, strict=True) if gain > -SPENT]
+        if curves:
+            straight = [replace(item.what, size=0.0) for item in curves]
+            gained = self.ground(stand.graph, slopes=False).gains_of(stand, straight).tolist()
+            spent += [item for item, gain in zip(curves, gained, strict=True) if gain > -WORTH]
+        return spent
 
     def ground_with(self, stand: Footing, more: Sequence[Imperfection], *, slopes: bool = True) -> "Ground":
         """Give a plant that may have further imperfections; without slopes for likelihoods alone."""
-        sizes = {Kind.LAG: LAG_GRID * self.step}
+        sizes = {Kind.LAG: LAG_GRID * self.step, Kind.CURVE: 0.0}
         opened = tuple(
             item if item.kind is Kind.OFFSET else replace(item, size=sizes.get(item.kind, UNTRIED)) for item in more
         )
@@ -206,7 +217,7 @@ class Search:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""
         self.tell("asking what each imperfection would gain")
         usual, gains_of = self.asking(stand)
-        added = {item.what.place for item in stand.added}
+        added = {item.what.place for item in stand.added if item.what.kind is not Kind.CURVE}
         asked = [(item, self._sizes(stand, item, usual)) for item in self.possible if item.place not in added]
         best: dict[tuple[Kind, str], tuple[Imperfection, float]] = {}
         while asked:
@@ -229,6 +240,21 @@ class Search:
             ]
         self.asked = sorted(best.values(), key=lambda item: item[1], reverse=True)
         return self.asked
+
+    def curves(self, stand: Footing) -> list[tuple[Imperfection, float]]:
+        """Give by which power each parameter may go with what, and what that would gain, nats, the likeliest first."""
+        self.tell("asking what parameters may go with")
+        q, starts = self.all.q_of(stand), self.all.starts_of(stand)
+        rows = [joint_courses(self.all.plant(q), *item, q) for item in zip(self.trained, starts, strict=True)]
+        off = {item.target for item in stand.graph.slow_errors}
+        possible = possible_curves(self.all.model, self.all.signals_at(np.concatenate(rows)), off)
+        own = {item.name for item in self.graph.parameters}
+        new = [item for item in possible if item.place in own and parameter_name(item) not in stand.values]
+        with suppress(StructureError):  # the equations may be left without an order in which to solve them
+            tried = [power for item in new for power in powers_of(item)]
+            gains = self.ground_with(stand, new, slopes=False).gains_of(stand, tried)
+            return likeliest_curves(self.all.model, zip(tried, gains.tolist(), strict=True))
+        return []
 
     def asking(self, stand: Footing) -> tuple[dict[str, float], Callable[[Sequence[Imperfection]], list[float]]]:
         """Give the usual size of each signal, and what tells what imperfections would gain with all else as it is."""
@@ -303,22 +329,30 @@ class Ground:
         return begin
 
     def seen(self, records: Sequence[HealthyRecording], begin: FitPoint, q: FloatArray) -> tuple[Scored, ...]:
-        """Give what recordings show with all numbers known but where they start."""
+        """Give what recordings show with all numbers q (n_q,) known but where they start."""
         plant = self.plant(q)
         summit = foretold(plant, records, begin, q)
         return score_recordings(all_known(plant, q), records, summit.point)
 
     def best_lag(self, stand: Footing, item: Imperfection) -> tuple[Imperfection, float]:
         """Give a lag as long as it explains most with all else as it stands, or a hold, and what it gains, nats."""
-        q, starts = self.q_of(stand), self.starts_of(stand)[: len(self.search.few)]
         if item.kind is not Kind.LAG:
-            return item, float(likelihoods(self.plant(q), self.search.few, starts, q[None])[0]) - stand.few
+            return self.best_size(stand, item, (item.size,))
         times = [count * self.search.step for count in LAGS if count * self.search.step <= self.search.longest]
-        times = times or [self.search.step]
-        tried = np.array([self.with_one(q, replace(item, size=time)) for time in times])
-        gains = likelihoods(self.plant(q), self.search.few, starts, tried) - stand.few
+        return self.best_size(stand, item, times or [self.search.step])
+
+    def best_size(self, stand: Footing, item: Imperfection, sizes: Sequence[float]) -> tuple[Imperfection, float]:
+        """Give an imperfection with that size which explains most with all else as it stands, and the gain, nats."""
+        tried = [replace(item, size=size) for size in sizes]
+        gains = self.gains_of(stand, tried)
         best = int(np.argmax(gains))
-        return replace(item, size=times[best]), float(gains[best])
+        return tried[best], float(gains[best])
+
+    def gains_of(self, stand: Footing, tried: Sequence[Imperfection]) -> FloatArray:
+        """Give what each of some imperfections would gain, nats, with all else as it stands, (n,)."""
+        q, starts = self.q_of(stand), self.starts_of(stand)[: len(self.search.few)]
+        declared = np.array([self.with_one(q, item) for item in tried])
+        return likelihoods(self.plant(q), self.search.few, starts, declared) - stand.few
 
     def q_of(self, stand: Footing) -> FloatArray:
         """Give q with everything as it stands, (n_q,); what is not part of it is next to nothing."""
@@ -336,7 +370,7 @@ class Ground:
         return q
 
     def with_one(self, q: FloatArray, item: Imperfection) -> FloatArray:
-        """Give q with one imperfection of a size."""
+        """Give q (n_q,) with one imperfection of a size."""
         changed = q.copy()
         if item.kind in KIND_HOLDS:
             return changed
@@ -350,13 +384,16 @@ class Ground:
         return changed
 
     def plant(self, q: FloatArray, opened: Sequence[Imperfection] = ()) -> FittedPlant:
-        """Give the plant about q; parameters, noise of sensors, declared slow errors and what is opened are unknown."""
+        """Give the plant about q (n_q,).
+
+        Parameters, noise of sensors, declared slow errors and what is opened are unknown.
+        """
         search, layout = self.search, self.layout
         base = nominal_q(self.model)
         base[layout.n_p :] = q[layout.n_p :]
         lags, further = (
             {parameter_name(item) for item in opened if item.kind in kinds}
-            for kinds in ((Kind.LAG,), (Kind.LAG, Kind.OFFSET))
+            for kinds in ((Kind.LAG,), (Kind.LAG, *TERMS))
         )
         sizes = {size_place(self.graph, layout, item): item for item in opened if item.kind in SIZED}
         memories = {memory_place(self.graph, layout, item): item for item in opened if item.is_slow}
@@ -463,14 +500,25 @@ class Ground:
         )
 
     def usual(self, record: HealthyRecording, start: FloatArray, q: FloatArray) -> dict[str, float]:
-        """Give the usual size of each signal of a law: root of the mean square, SI."""
-        n_u = self.layout.n_u
-        rows = joint_courses(self.plant(q), record, start, q)
-        by_hand, implicit = self.model.by_hand, self.model.reference_implicit
+        """Give the usual size of each signal of a law, its root of the mean square, SI; start (n_own,), q (n_q,)."""
         with np.errstate(all="ignore"):
-            found = [by_hand(row[n_u:], row[:n_u], implicit).full()[:, 0] for row in rows]
-            sizes = np.sqrt(np.mean(np.square(found), axis=0))
-        return {name: float(size) for name, size in zip(self.search.signals, sizes, strict=True) if np.isfinite(size)}
+            signals = self.signals_at(joint_courses(self.plant(q), record, start, q))
+            sizes = {name: float(np.sqrt(np.mean(np.square(course)))) for name, course in signals.items()}
+        return {name: size for name, size in sizes.items() if np.isfinite(size)}
+
+    def signals_at(self, rows: FloatArray) -> dict[str, FloatArray]:
+        """Give the signals of laws, and what these may go with, at moments (n_moments, n_u + n_v), SI, (n_moments,)."""
+        n_u, by_hand, implicit = self.layout.n_u, self.model.by_hand, self.model.reference_implicit
+        with np.errstate(all="ignore"):
+            found = np.array([by_hand(row[n_u:], row[:n_u], implicit).full()[:, 0] for row in rows])
+        signals = dict(zip(self.search.signals, found.T, strict=True))
+        inputs = (item.name for item in self.graph.inputs)
+        return signals | dict(zip(inputs, rows[:, :n_u].T, strict=True))
+
+
+def _without(graph: BondGraph, item: Imperfection) -> BondGraph:
+    take = without_slow_error if item.is_slow else without_curve if item.kind is Kind.CURVE else without_lag
+    return take(graph, item)
 
 
 def _shortened(record: HealthyRecording) -> HealthyRecording:

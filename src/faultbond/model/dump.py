@@ -61,7 +61,7 @@ def text_of(target: float, convert: Callable[[float], float]) -> str | None:
 def law_text(item: Component) -> str:
     """Give the laws of a component, or a block, as the value that stands in a model file."""
     texts = _laws(item)
-    return f"[{', '.join(map(_scalar, texts))}]" if len(texts) > 1 else _scalar(texts[0])
+    return f"[{', '.join(map(scalar_text, texts))}]" if len(texts) > 1 else scalar_text(texts[0])
 
 
 def _laws(item: Component) -> list[str]:
@@ -118,11 +118,11 @@ class _Writer:
         has_faults = self.stated("max_faults", is_default=graph.max_faults == keys.MAX_FAULTS)
         has_time = self.stated("time", is_default=time == TimeColumn(optional=self.static))
         column = {
-            "column": _scalar(time.column) if time.column and self.stated("time column") else "",
+            "column": scalar_text(time.column) if time.column and self.stated("time column") else "",
             "unit": time.unit.text if self.stated("time unit") else "",
         }
         return {
-            "name": _scalar(graph.name) if self.stated("name") else "",
+            "name": scalar_text(graph.name) if self.stated("name") else "",
             "sample_time": graph.grid.value if graph.sample_time is None else _seconds(graph.sample_time),
             "row_time": _seconds(graph.row_time) if graph.row_time is not None else "",
             "max_faults": str(graph.max_faults) if has_faults else "",
@@ -171,7 +171,7 @@ class _Writer:
         return _flow({"unit": item.unit.text, "unknown": self.wanders[item.name], "usual": usual}, keys.INPUT_KEYS)
 
     def sensor(self, item: Sensor) -> str:
-        texts = {"reads": _scalar(to_text(item.reads)), "valid_when": _validity(item.valid_when)}
+        texts = {"reads": scalar_text(to_text(item.reads)), "valid_when": _validity(item.valid_when)}
         return _flow({**self.instrument(item), **texts}, keys.SENSOR_KEYS)
 
     def instrument(self, item: Input | Sensor) -> dict[str, str]:
@@ -179,7 +179,7 @@ class _Writer:
         has_column, reach = self.stated("column", item.name, is_default=item.column == item.name), _range(item)
         return {
             "unit": item.unit.text,
-            "column": _scalar(item.column) if has_column else "",
+            "column": scalar_text(item.column) if has_column else "",
             "noise": self.noise(item),
             "lag": self.lag(self.parameters[item.lag]) if item.lag else "",
             "range": "" if reach == "any" else reach,
@@ -247,7 +247,7 @@ class _Writer:
         if item.move is not None:
             texts["move"] = _difference(item.move, self.graph.input(item.name).unit)
         if item.reads is not None:
-            texts |= {"reads": _scalar(to_text(item.reads)), "noise": self.noise(item)}
+            texts |= {"reads": scalar_text(to_text(item.reads)), "noise": self.noise(item)}
         return _flow(texts, keys.CHECK_KEYS)
 
     def slow_error(self, item: SlowError) -> str:
@@ -300,7 +300,7 @@ def _validity(item: Validity | None) -> str:
     """Give when something holds; empty where it always does."""
     if item is None:
         return ""
-    when = _scalar(to_text(item.condition))
+    when = scalar_text(to_text(item.condition))
     return _flow({"when": when, "settling": _seconds(item.settling)}) if item.settling else when
 
 
@@ -332,6 +332,6 @@ def _flow(texts: Mapping[str, str], known: keys.Keys | None = None) -> str:
     return "{" + ", ".join(f"{key}: {texts[key]}" for key in order if texts.get(key)) + "}"
 
 
-def _scalar(text: str) -> str:
+def scalar_text(text: str) -> str:
     """Give a text as YAML, in quotes where it needs them."""
     return text if _PLAIN.fullmatch(text) else json.dumps(text, ensure_ascii=False)

@@ -96,15 +96,18 @@ def names(expression: Expression) -> tuple[str, ...]:
     return tuple(dict.fromkeys(part.text for part in walk(expression) if isinstance(part, Name)))
 
 
+def rebuilt(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
+    """Give the expression with every part replaced by what `change` gives for it, innermost first."""
+    match expression:
+        case Negative(operand):
+            expression = Negative(rebuilt(operand, change))
+        case Binary(operator, left, right):
+            expression = Binary(operator, rebuilt(left, change), rebuilt(right, change))
+        case Call(function, arguments):
+            expression = Call(function, tuple(rebuilt(argument, change) for argument in arguments))
+    return change(expression)
+
+
 def rename(expression: Expression, change: Callable[[str], str]) -> Expression:
     """Give the expression with every name `n` replaced by `change(n)`."""
-    match expression:
-        case Name(text):
-            return Name(change(text))
-        case Negative(operand):
-            return Negative(rename(operand, change))
-        case Binary(operator, left, right):
-            return Binary(operator, rename(left, change), rename(right, change))
-        case Call(function, arguments):
-            return Call(function, tuple(rename(argument, change) for argument in arguments))
-    return expression
+    return rebuilt(expression, lambda part: Name(change(part.text)) if isinstance(part, Name) else part)

@@ -10,13 +10,14 @@ from rich.text import Text
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.contract.json_records import Record
 from faultbond.fit.foothold import Added
-from faultbond.fit.imperfections import KIND_HOLDS, Imperfection, Kind, parameter_name, with_imperfections
+from faultbond.fit.imperfections import KIND_HOLDS, TERMS, Imperfection, Kind, parameter_name, with_imperfections
 from faultbond.fit.innovations import Variant
 from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.trial import Health
 from faultbond.model.amend import Path, amended
-from faultbond.model.dump import law_text
+from faultbond.model.dump import law_text, scalar_text
 from faultbond.model.graph import BondGraph, SlowError, Unit
+from faultbond.model.parser import to_text
 from faultbond.model.rewrite import NewSize, parameter_path, rewrite
 from faultbond.report.analysis import heat_lines
 from faultbond.report.console import lines, table, title, under
@@ -104,22 +105,31 @@ def _is_below(value: float | None, most: float) -> bool:
 def amended_text(text: str, graph: BondGraph, added: Sequence[Added]) -> str:
     """Give a model text with imperfections."""
     whole = with_imperfections(graph, tuple(item.what for item in added))
-    offsets = [item.what for item in added if item.what.kind is Kind.OFFSET]
-    entries = [_entry(graph, item.what) for item in added if item.what.kind is not Kind.OFFSET]
-    return amended(text, [*entries, *(entry for item in offsets for entry in _offset(whole, item))], graph.file)
+    terms = [item.what for item in added if item.what.kind in TERMS]
+    entries = [_entry(graph, item.what) for item in added if item.what.kind not in TERMS]
+    powers = [(parameter_path(whole, parameter_name(item)), _term(whole, item)) for item in terms]
+    return amended(text, [*entries, *_changed_laws(graph, whole), *powers], graph.file)
 
 
-def _offset(whole: BondGraph, item: Imperfection) -> Iterator[tuple[Path, str]]:
-    """Give where an offset stands in a model file: in the law, and among the parameters of what has the law.
+def _changed_laws(graph: BondGraph, whole: BondGraph) -> Iterator[tuple[Path, str]]:
+    """Give where laws and sensors that have become others stand in a model file, and what stands there."""
+    section = "blocks" if graph.is_block_network else "components"
+    for one, other in zip(graph.components, whole.components, strict=True):
+        if one.laws != other.laws:
+            yield (section, one.name, "law"), law_text(other)
+    for known, new in zip(graph.sensors, whole.sensors, strict=True):
+        if known.reads != new.reads:
+            yield ("sensors", known.name, "reads"), scalar_text(to_text(new.reads))
+
+
+def _term(whole: BondGraph, item: Imperfection) -> str:
+    """Give what stands in a model file for the parameter of a term.
 
     whole : the plant with all that was added
     """
     size, unit = _sized(whole, item)
-    path = parameter_path(whole, parameter_name(item))
-    owner = whole.component(item.law[0])
-    yield (*path[:2], "law"), law_text(owner)
     words = [f"{text} {'' if unit == '1' else unit}".rstrip() for text in (f"{size:.4g}", rounded_up(abs(size)))]
-    yield path, f"{{nominal: {words[0]}, accuracy: {words[1]}, range: any, suspect: no}}"
+    return f"{{nominal: {words[0]}, accuracy: {words[1]}, range: any, suspect: no}}"
 
 
 def _entry(graph: BondGraph, item: Imperfection) -> tuple[Path, str]:
@@ -140,6 +150,8 @@ def _entry(graph: BondGraph, item: Imperfection) -> tuple[Path, str]:
 
 def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
     """Give a size in the unit of what it is of, and the unit; SI of a signal of which no unit is declared."""
+    if item.kind is Kind.CURVE:
+        return item.size, "1"
     if item.kind in (Kind.RELATIVE, Kind.WANDER):
         return 100.0 * item.size, "%"
     if item.kind is Kind.LAG:
@@ -221,6 +233,7 @@ def quiet_record(found: Quieted) -> Record:
             {
                 "kind": item.what.kind.value,
                 "of": item.what.place,
+                "over": item.what.by or None,
                 "size": None if item.what.kind in KIND_HOLDS else item.what.size,
                 "memory": item.what.memory if item.what.is_slow else None,
                 "gain": item.trained,
@@ -320,7 +333,7 @@ def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:
         number = words = ""
     return (
         item.what.kind.value,
-        item.what.place,
+        item.what.key[1],
         number,
         words,
         memory,

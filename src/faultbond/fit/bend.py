@@ -1,0 +1,70 @@
+"""By what a law is multiplied that goes with a signal otherwise than it says: a power of it, or an exponential.
+
+A film that is told to carry heat with the flow to the power 0.8 and does with 0.55 is off by the flow to the power
+-0.25; a winding grows by a power of its temperature, a duct's law has an exponent of its own.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultbond.arrays import FloatArray
+from faultbond.model.expression import Binary, Call, Expression, Name, Number
+
+LOW = 0.02  # part of the moments in which a signal is smaller than what counts as little of it
+BELOW = 0.5  # times that, and
+LEAST = 0.05  # times its usual size: below, a power stays as it is, and is not 0 or infinite
+DIGITS = 2  # of the numbers that are written into a law
+
+
+@dataclass(frozen=True, slots=True)
+class Bend:
+    """What a law goes with: a signal or an input, its usual size, and the least size for which the power goes on, SI.
+
+    signed: whether the signal changes its sign, and its size counts. Without a least size the factor is an exponential,
+    of what goes through zero without being a size.
+    """
+
+    by: str
+    usual: float
+    least: float = 0.0
+    signed: bool = False
+
+    def logarithm(self, values: FloatArray) -> FloatArray:
+        """Give the logarithm of the factor for a power of 1, (n,), at values (n,)."""
+        if not self.least:
+            return values / self.usual
+        return np.log(np.maximum(np.abs(values), self.least) / self.usual)
+
+    def factor(self, power: str) -> Expression:
+        """Give the factor with the parameter that is its power."""
+        signal = Name(self.by)
+        if not self.least:
+            return Call("exp", (Binary("/", Binary("*", Name(power), signal), Number(self.usual)),))
+        size = Call("abs", (signal,)) if self.signed else signal
+        return Binary("**", Binary("/", Call("max", (size, Number(self.least))), Number(self.usual)), Name(power))
+
+
+def bend_by(by: str, values: FloatArray, *, own: bool) -> Bend | None:
+    """Give how a law may go with a signal; None where that is nothing, or always the same.
+
+    Parameters
+    ----------
+    by : the signal, or an input
+    values : what it is at many moments, (n,), SI
+    own : whether the law speaks of it already: then its size counts where it changes its sign
+    """
+    sizes = np.abs(values)
+    if not len(values) or not np.all(np.isfinite(values)) or not sizes.max() > 0.0:
+        return None
+    if values.min() < 0.0 < values.max() and not own:
+        found = Bend(by, _rounded(float(sizes.max())))
+    else:
+        usual = float(np.exp(np.mean(np.log(np.maximum(sizes, LEAST * sizes.max())))))
+        least = max(BELOW * float(np.quantile(sizes, LOW)), LEAST * usual)
+        found = Bend(by, _rounded(usual), _rounded(least), signed=bool(values.min() < 0.0))
+    return found if np.ptp(found.logarithm(values)) > 0.0 else None
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")

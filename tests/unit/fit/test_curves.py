@@ -1,0 +1,355 @@
+"""Parameters that go with a signal, as laws do not say: which may, how that is written, and whether it is found."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from faultbond.app import quiet_fit
+from faultbond.arrays import FloatArray
+from faultbond.cli import DONE, main
+from faultbond.equations.evaluate import evaluate
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import StepModel, build_step_model
+from faultbond.fit import further
+from faultbond.fit.bend import LEAST, Bend, bend_by
+from faultbond.fit.curves import (
+    FOREIGN,
+    bendable_parameters,
+    likeliest_curves,
+    possible_curves,
+    powers_of,
+    signals_to_go_with,
+)
+from faultbond.fit.foothold import Added, Footing
+from faultbond.fit.imperfections import (
+    Imperfection,
+    Kind,
+    laws_of_signals,
+    parameter_name,
+    with_imperfections,
+    without_curve,
+)
+from faultbond.fit.quiet_search import WORTH, Search
+from faultbond.io.recording import write_recording
+from faultbond.model.graph import BondGraph
+from faultbond.model.parser import to_text
+from faultbond.model.text import load_model, parse_model
+from faultbond.report.quiet_result import _added_row, amended_text
+
+COOLER = """
+name: cooler
+sample_time: 10 s
+accuracy: 5 %
+inputs: {flow: {unit: l/min}, load: {unit: W}, t_in: {unit: degC}}
+components:
+  gear: {type: Sf, law: f = k*load, parameters: {k: 1}}
+  oil: {type: C, law: q = C_oil*e, parameters: {C_oil: 60 kJ/K}}
+  wall: {type: R, law: f = U*e, parameters: {U: 170 W/K}}
+  metal: {type: C, law: q = C_metal*e, parameters: {C_metal: 30 kJ/K}}
+  film: {type: R, law: f = h*(flow/usual)**0.8*e, parameters: {h: 250 W/K}}
+  water: {type: Se, law: e = t_in}
+constants: {usual: 20 l/min}
+junctions: {oil_side: 0, through: 1, metal_side: 0, out: 1}
+bonds: [gear -> oil_side -> oil, oil_side -> through -> metal_side -> metal, through -> wall,
+        metal_side -> out -> water, out -> film]
+sensors:
+  t_oil: {reads: oil_side.e, unit: degC, noise: 0.05 K}
+  t_metal: {reads: metal_side.e, unit: degC, noise: 0.05 K}
+"""
+DUCT = """
+name: duct
+sample_time: 1 s
+inputs: {speed: {unit: percent}, damper: {unit: percent}}
+components:
+  fan: {type: Se, law: e = P*(speed/full)**2, parameters: {P: 1550 Pa}}
+  air: {type: I, law: p = M*f, parameters: {M: 450 Pa*s^2/m^3}}
+  flap: {type: R, law: e = K*(full/damper)**2*f*abs(f), parameters: {K: 54 Pa*s^2/m^6}}
+  plenum: {type: C, law: q = C*e, parameters: {C: 0.02 m^3/Pa}}
+  outlets: {type: R, law: e = K_out*f*abs(f), parameters: {K_out: 27 Pa*s^2/m^6}}
+constants: {full: 100 percent}
+junctions: {line: 1, box: 0}
+bonds: [fan -> line -> air, line -> flap, line -> box -> plenum, box -> outlets]
+sensors: {p: {reads: box.e, unit: Pa, noise: 3 Pa}, q: {reads: line.f, unit: m^3/s, noise: 0.02 m^3/s}}
+"""
+BLOCKS = """
+name: pump
+sample_time: 1 s
+inputs: {n: {unit: percent}}
+blocks:
+  pump: {law: P = H*n**2, parameters: {H: 12}}
+  both: {law: ["a = P/R", "der(c) = a"], parameters: {R: 3}}
+sensors: {Q: {reads: c, noise: 0.1}, I: {reads: H*n, noise: 0.1}}
+"""
+
+
+@pytest.fixture(scope="module", params=[COOLER, DUCT, BLOCKS], ids=["cooler", "duct", "blocks"])
+def model(request: pytest.FixtureRequest) -> StepModel:
+    """A plant in discrete time."""
+    return build_step_model(build_plant(parse_model(request.param)))
+
+
+def courses_of(model: StepModel) -> dict[str, FloatArray]:
+    """Give courses of all that laws may go with, of which some change their sign."""
+    generator = np.random.default_rng(5)
+    names = (*signals_to_go_with(model), *(item.name for item in model.plant.graph.inputs))
+    return {name: generator.normal(3.0 * (k % 2), 1.0, 50) for k, name in enumerate(names)}
+
+
+def everything_of(model: StepModel) -> set[str]:
+    """Give all that laws relate, as if all were known to be off."""
+    return {name for item in bendable_parameters(model) for name in item.acts_on}
+
+
+@pytest.mark.parametrize(
+    "bend",
+    [Bend("x", 2.0, 0.5), Bend("x", 2.0, 0.5, signed=True), Bend("x", 4.0)],
+    ids=["power", "size", "exponential"],
+)
+def test_what_is_written_is_what_is_compared(bend: Bend) -> None:
+    """The factor in the law has the logarithm that is told for a power of 1, times its power."""
+    x, power = ca.SX.sym("x"), ca.SX.sym("n")
+    factor = ca.Function("factor", [x, power], [evaluate(bend.factor("n"), {"x": x, "n": power})])
+    values = (
+        np.array([-3.0, -0.1, 0.0, 0.2, 0.6, 2.0, 9.0]) if bend.signed or not bend.least else np.array([0.0, 0.2, 7.0])
+    )
+    for n in (-1.7, 0.0, 0.4):
+        given = factor(values[None, :], n).full()[0]
+        np.testing.assert_allclose(given, np.exp(n * bend.logarithm(values)), rtol=1e-14)
+    assert bend.logarithm(np.array([bend.usual]))[0] == (0.0 if bend.least else 1.0)
+
+
+def test_a_power_has_a_usual_size_and_an_end() -> None:
+    """The usual size is a geometric mean, so that the law's parameter stays what it was; far below all is the same."""
+    values = np.array([1.0, 10.0, 100.0])
+    found = bend_by("x", values, own=False)
+    assert found == Bend("x", 17.0, 0.85)  # where 1 counts as 5
+    assert bend_by("x", -values, own=True) == replace(found, signed=True)
+    assert bend_by("x", np.array([-1.0, 4.0]), own=True) == Bend("x", 2.0, 0.53, signed=True)
+    assert bend_by("x", np.array([-1.0, 4.0]), own=False) == Bend("x", 4.0)
+    shut = bend_by("x", np.array([0.0, 0.0, 8.0]), own=True)
+    assert shut is not None
+    assert 0.0 < shut.least <= LEAST * shut.usual * 1.1
+    for nothing in (np.zeros(0), np.zeros(5), np.full(5, 3.0), np.array([1.0, np.nan])):
+        assert bend_by("x", nothing, own=True) is None
+
+
+def test_parameters_go_with_what_their_laws_do_not_give() -> None:
+    """Neither with what stands on the left, nor with what a law is solved for; none of stores, none in an exponent."""
+    cooler, duct, blocks = (
+        {
+            item.parameter: (item.spoken, item.near, item.others)
+            for item in bendable_parameters(build_step_model(build_plant(parse_model(text))))
+        }
+        for text in (COOLER.replace("**0.8*e, parameters: {", "**n*e, parameters: {n: 0.8, "), DUCT, BLOCKS)
+    )
+    assert cooler == {
+        "k": (("load",), ("oil_side.e",), ("flow", "t_in")),
+        "U": (("wall.e",), ("oil_side.e", "metal_side.e"), ("flow", "load", "t_in")),
+        "h": (("flow", "film.e"), ("metal_side.e",), ("load", "t_in")),
+    }
+    assert duct == {
+        "P": (("speed",), ("line.f",), ("damper",)),
+        "K": (("damper", "line.f"), (), ("speed",)),
+        "K_out": (("box.e",), ("line.f",), ("speed", "damper")),  # the law gives the flow
+    }
+    assert blocks == {"H": (("n",), (), ()), "R": (("P",), (), ("n",))}
+
+
+def test_a_power_of_nothing_changes_nothing(model: StepModel) -> None:
+    """With all curves that a plant may have, each with a power of 0, it is the same plant, solved the same way."""
+    curves = possible_curves(model, courses_of(model), everything_of(model))
+    assert len({parameter_name(item) for item in curves}) == len(curves) > 1
+    bent = build_step_model(
+        build_plant(with_imperfections(model.plant.graph, tuple(replace(item, size=0.0) for item in curves)))
+    )
+    assert bent.states == model.states
+    n_x, n_u, n_p = len(model.states), len(model.plant.graph.inputs), len(model.scales)
+    generator = np.random.default_rng(2)
+    for _ in range(5):
+        x, u = generator.uniform(250.0, 320.0, n_x), generator.uniform(0.5, 40.0, n_u)
+        v = np.concatenate([x, np.ones(n_p)])
+        v_bent = np.concatenate([x, np.ones(n_p), np.zeros(len(curves))])
+        z = model.reference_implicit
+        found = [one.predict(values, u, z, 0.1)[0].full() for one, values in ((model, v), (bent, v_bent))]
+        np.testing.assert_allclose(found[1], found[0], rtol=1e-12)
+
+
+def test_a_curve_is_taken_out_again(model: StepModel) -> None:
+    """Whatever stands around it: further curves, an offset."""
+    graph = model.plant.graph
+    first, *others = possible_curves(model, courses_of(model), everything_of(model))
+    place, law = next(iter(laws_of_signals(model).items()))
+    offset = Imperfection(kind=Kind.OFFSET, place=place, size=2.0, law=law)
+    for more in ((), (offset,), (offset, *others)):
+        without = with_imperfections(graph, more)
+        for order in ((first, *more), (*more, first)):
+            found = without_curve(with_imperfections(graph, order), first)
+            assert found.components == without.components
+            assert found.sensors == without.sensors
+            assert found.parameters == without.parameters
+
+
+def test_it_stands_in_the_law_and_is_read_back(model: StepModel) -> None:
+    """A model file with curves is the plant that was fitted; the power is no suspect."""
+    graph = model.plant.graph
+    curves = [replace(item, size=0.3) for item in possible_curves(model, courses_of(model), everything_of(model))]
+    text = {"cooler": COOLER, "duct": DUCT, "pump": BLOCKS}[graph.name]
+    back = parse_model(amended_text(text, graph, [Added(what=item, trained=1.0, held=1.0) for item in curves]))
+    once = with_imperfections(graph, tuple(curves))
+    assert texts_of(back) == texts_of(once)
+    for item in curves:
+        power = back.parameter(parameter_name(item))
+        assert (power.nominal, power.accuracy, power.suspect) == (0.3, 0.3, False)
+        assert _added_row(graph, Added(what=item, trained=1.0, held=1.0))[1] == f"{item.place} over {item.by}"
+
+
+def texts_of(graph: BondGraph) -> list[str]:
+    """Give what laws give and sensors read."""
+    rights = [law.right for part in graph.components for law in part.laws]
+    return [to_text(item) for item in (*rights, *(sensor.reads for sensor in graph.sensors))]
+
+
+def test_over_other_inputs_only_where_the_law_is_off(model: StepModel) -> None:
+    """A law that is right is not bent over what it does not speak of."""
+    courses = courses_of(model)
+    foreign = {(item.parameter, name) for item in bendable_parameters(model) for name in item.others}
+    found = [
+        {(item.place, item.by) for item in possible_curves(model, courses, off)}
+        for off in (set[str](), everything_of(model))
+    ]
+    assert not found[0] & foreign
+    assert found[1] - found[0] == foreign
+
+
+def test_powers_change_the_law_by_as_much(model: StepModel) -> None:
+    """Of each curve those powers are tried that change the law's value by a fiftieth to a fifth."""
+    courses = courses_of(model)
+    for curve in possible_curves(model, courses, set()):
+        assert curve.bend is not None
+        spread = np.std(curve.bend.logarithm(courses[curve.bend.by]))
+        assert sorted(item.size * spread for item in powers_of(curve)) == pytest.approx(
+            [-0.2, -0.06, -0.02, 0.02, 0.06, 0.2]
+        )
+
+
+@pytest.mark.parametrize(("factor", "kept"), [(0.99, ["flow"]), (1.01, ["metal_side.e", "flow"])])
+def test_what_the_law_speaks_of_comes_first(factor: float, kept: list[str]) -> None:
+    """A curve over something else has to gain a quarter more; of each the best power counts."""
+    model = build_step_model(build_plant(parse_model(COOLER)))
+    gains = {"flow": 40.0, "metal_side.e": 40.0 * FOREIGN * factor, "load": -3.0}
+    asked = [
+        (Imperfection(kind=Kind.CURVE, place="h", bend=Bend(by, 1.0, 0.1), size=size), gain - size)
+        for by, gain in gains.items()
+        for size in (0.2, 0.0, 0.1)
+    ]
+    found = likeliest_curves(model, asked)
+    assert [(item.by, item.size, gain) for item, gain in found] == [(by, 0.0, gains[by]) for by in kept]
+
+
+@pytest.mark.parametrize(("loss", "is_kept"), [(WORTH - 0.1, False), (WORTH + 0.1, True)])
+def test_a_curve_of_no_use_is_left_out(loss: float, is_kept: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was added with it or later explains what it did; it is not tried again."""
+    graph = parse_model(COOLER)
+    curve = Imperfection(kind=Kind.CURVE, place="h", bend=Bend("flow", 3e-4, 1e-4), size=0.01)
+    stand = Footing(
+        graph=with_imperfections(graph, (curve,)),
+        values={},
+        starts={},
+        held=100.0,
+        added=(Added(what=curve, trained=9.0, held=9.0),),
+    )
+    search = Search.__new__(Search)
+    search.tell, search.refused, search.graph, search.step = lambda _: None, {}, graph, 10.0
+    monkeypatch.setattr(search, "asking", lambda _: ({}, lambda tried: [0.0] * len(tried)))
+
+    def gains_of(_: Footing, tried: Sequence[Imperfection]) -> FloatArray:
+        assert [item.size for item in tried] == [0.0]
+        return np.array([-loss])
+
+    ground = SimpleNamespace(gains_of=gains_of, climbed=lambda stand: stand)
+    monkeypatch.setattr(Search, "ground", lambda *_, **__: ground)
+    found = search.lasting(stand)
+    assert bool(found.added) == is_kept
+    assert ("h_by_flow" in [item.name for item in found.graph.parameters]) == is_kept
+    assert search.refused == ({} if is_kept else {curve.key: np.inf})
+
+
+@pytest.mark.parametrize(
+    ("worth", "kept"),
+    [
+        ({"slow": 0.0, "h": 50.0, "k": 40.0}, "hk"),  # the slow error stood for both
+        ({"slow": 0.0, "h": 50.0, "k": 2.0}, "h"),  # one does what the other does, too
+        ({"slow": 50.0, "h": 50.0, "k": 2.0}, "sh"),
+        ({"slow": 50.0, "h": 2.0, "k": 2.0}, "s"),
+        ({"slow": 50.0, "h": 50.0, "k": 50.0}, "shk"),
+    ],
+)
+def test_a_curve_beside_others_has_to_be_needed(
+    worth: dict[str, float], kept: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is added together with a curve may do what it does: it is asked for without it."""
+    slow = Imperfection(kind=Kind.ABSOLUTE, place="slow", memory=50.0)
+    items = [slow, *(Imperfection(kind=Kind.CURVE, place=name, bend=Bend("flow", 1.0, 0.1)) for name in "hk")]
+    stand = Footing(graph=parse_model(COOLER), values={}, starts={})
+
+    def together(_: Search, stand: Footing, more: Sequence[Added]) -> Footing:
+        return replace(stand, held=sum(worth[item.what.place] for item in more), added=tuple(more))
+
+    def climbed(stand: Footing, item: Imperfection, *, few: bool) -> Footing:  # alone each does what the others do
+        held = 30.0 - items.index(item)
+        return replace(stand, held=held, added=(Added(what=item, trained=held, held=held),))
+
+    monkeypatch.setattr(further, "added_together", together)
+    monkeypatch.setattr(
+        further, "worth_fitting", lambda *_: [(SimpleNamespace(climbed=climbed), item, 9.0) for item in items]
+    )
+    monkeypatch.setattr(further, "FEWEST", 0.5)
+    search = Search.__new__(Search)
+    search.tell, search.refused = lambda _: None, {}
+    found = further.better(search, stand)
+    assert found is not None
+    assert "".join(item.what.place[0] for item in found.added) == kept
+
+
+def recorded(folder: Path, exponent: float, seed: int) -> Path:
+    """Give a recording of a cooler whose film goes with the flow to a power, made by hand in steps of a second."""
+    rng = np.random.default_rng(seed)
+    flow, load, t_in, oil, metal, rows = 20.0, 2000.0, 18.0, 40.0, 28.0, []
+    for k in range(900):
+        rows.append([10.0 * k, flow, load, t_in, *(np.array([oil, metal]) + 0.05 * rng.standard_normal(2))])
+        if k % 60 == 0:
+            flow, load, t_in = rng.uniform(6.0, 40.0), rng.uniform(800.0, 5000.0), rng.uniform(16.0, 20.0)
+        rows[-1][1:4] = flow, load, t_in
+        for _ in range(10):
+            through, out = 180.0 * (oil - metal), 260.0 * (flow / 20.0) ** exponent * (metal - t_in)
+            oil, metal = oil + (load - through) / 60e3, metal + (through - out) / 30e3
+    path = folder / f"{seed}.csv"
+    names = ["time", "flow", "load", "t_in", "t_oil", "t_metal"]
+    write_recording(path, dict(zip(names, np.array(rows).T, strict=True)))
+    return path
+
+
+@pytest.mark.parametrize("exponent", [0.55, 0.8])
+def test_another_power_is_found(exponent: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a film that carries heat with the flow to the power 0.55, not 0.8; to a law that is right nothing is added."""
+    monkeypatch.setattr(quiet_fit, "smallest_faults", lambda *_, **__: [])
+    model, target = tmp_path / "model.yaml", tmp_path / "records.jsonl"
+    model.write_text(COOLER, encoding="utf-8")
+    made = [recorded(tmp_path, exponent, seed) for seed in (1, 2)]
+    words = ["fit", *map(str, (model, *made)), "--until-quiet", "--starts", "1", "-o", str(tmp_path / "quiet.yaml")]
+    assert main([*words, "--json", str(target)]) == DONE
+    quiet = json.loads(target.read_text(encoding="utf-8").splitlines()[-1])
+    assert quiet["quiet"]
+    assert [(item["kind"], item["of"], item["over"]) for item in quiet["added"]] == (
+        [] if exponent == 0.8 else [("curve", "h", "flow")]
+    )
+    if quiet["added"]:
+        power = load_model(tmp_path / "quiet.yaml").parameter("h_by_flow")
+        assert power.nominal == pytest.approx(exponent - 0.8, abs=4.0 * power.accuracy)
+        assert power.accuracy < 0.01
