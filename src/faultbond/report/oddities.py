@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 
 from faultbond.fit.imperfections import TEMPERATURE
-from faultbond.model.graph import BondGraph
+from faultbond.model.expression import Binary, Expression, Name
+from faultbond.model.graph import BondGraph, Component
 from faultbond.report.numbers import join
 from faultbond.types import ElementType, JunctionType
 
@@ -14,6 +15,7 @@ def oddities(graph: BondGraph) -> Iterator[str]:
     """Give what is worth a look, each in a sentence that says what to do if it was not meant."""
     yield from _wide_accuracies(graph)
     yield from _summed_temperatures(graph)
+    yield from _shut_in_a_row(graph)
 
 
 def _wide_accuracies(graph: BondGraph) -> Iterator[str]:
@@ -48,3 +50,39 @@ def _summed_temperatures(graph: BondGraph) -> Iterator[str]:
                 f"{junction.name} adds the temperatures of {join([one, other])}, where heat flows by their difference; "
                 f"write {turn}"
             )
+
+
+def _shut_in_a_row(graph: BondGraph) -> Iterator[str]:
+    """Of what lets nothing through where an input is 0, in a row with another whose flow is stated by a law too."""
+    parts = {item.name: item for item in graph.components}
+    for junction in graph.junctions:
+        if junction.type is not JunctionType.ONE:
+            continue
+        ends = [
+            name for item in graph.bonds for name in (item.tail, item.head) if junction.name in (item.tail, item.head)
+        ]
+        flows = [name for name in ends if name in parts and _gives_flow(parts[name])]
+        shut = [
+            name for name in flows if any(_is_shut_by(parts[name].laws[0].right, item.name) for item in graph.inputs)
+        ]
+        if shut and len(flows) > 1:
+            others = [name for name in flows if name != shut[0]]
+            yield (
+                f"{join(flows)} are in a row at {junction.name}: where {shut[0]} lets nothing through, nor does "
+                f"{join(others)}; ways side by side are joined by a 0-junction, as `{junction.name} -> beside -> "
+                f"{flows[0]}, beside -> {flows[1]}` with `beside: 0` among the junctions"
+            )
+
+
+def _gives_flow(part: Component) -> bool:
+    return part.type is ElementType.R and len(part.laws) == 1 and part.laws[0].left == Name(f"{part.name}.f")
+
+
+def _is_shut_by(law: Expression, name: str) -> bool:
+    """Tell whether a law gives nothing where an input is 0: it is a factor."""
+    match law:
+        case Binary("*", left, right):
+            return _is_shut_by(left, name) or _is_shut_by(right, name)
+        case Binary("/" | "**", left, _):
+            return _is_shut_by(left, name)
+    return law == Name(name)

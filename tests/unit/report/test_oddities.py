@@ -49,3 +49,29 @@ bonds: [one -> loop -> R, two -> loop]
 sensors: {i: {reads: loop.f, unit: A, noise: 1 mA}}
 """
     assert list(oddities(parse_model(row))) == []
+
+
+SHED = ROOM.replace(
+    "  outside:", "  vent: {type: R, law: f = K*(open/full)**2*e, parameters: {K: 300 W/K}}\n  outside:"
+).replace("inputs: {", "constants: {full: 100 percent}\ninputs: {open: {unit: percent}, ")
+
+
+@pytest.mark.parametrize(
+    ("bonds", "told"),
+    [
+        ("wall -> walls, wall -> vent", True),
+        ("wall -> beside, beside -> walls, beside -> vent", False),
+    ],
+)
+def test_what_can_be_shut_stands_beside_others(bonds: str, told: bool) -> None:
+    """A vent in a row with a wall stops the heat through that as well; both ways side by side are joined otherwise."""
+    text = SHED.replace("wall -> walls", bonds)
+    if not told:
+        text = text.replace("wall: 1}", "wall: 1, beside: 0}")
+    found = list(oddities(parse_model(text)))
+    assert len(found) == told
+    for one in found:
+        assert "walls and vent are in a row at wall: where vent lets nothing through, nor does walls" in one
+        assert "`wall -> beside -> walls, beside -> vent` with `beside: 0` among the junctions" in one
+    open_always = text.replace("(open/full)**2", "(2 + open/full)")
+    assert list(oddities(parse_model(open_always))) == []
