@@ -27,6 +27,7 @@ from faultbond.equations.step import build_step_model
 from faultbond.errors import FaultbondError
 from faultbond.fit import further, objective, trial
 from faultbond.fit import offset as offset_module
+from faultbond.fit.bend import Bend
 from faultbond.fit.delays import HINT
 from faultbond.fit.false_alarms import Rate
 from faultbond.fit.foothold import Added, Footing
@@ -559,6 +560,7 @@ def test_an_offset_has_to_foretell_better(
     worth = {("a", 0.3): 12.0, ("b", -6.0): 14.0, ("far", 0.6): 4.0}  # nats
     averages = {(kind_of(item), item.target): np.full(2, means[item.target]) for item in errors}
     monkeypatch.setattr(offset_module, "averages_of", lambda *_: averages)
+    monkeypatch.setattr(offset_module, "_curves_instead", lambda *_: ())
 
     asked: list[Imperfection] = []
 
@@ -587,6 +589,36 @@ def test_an_offset_has_to_foretell_better(
     if kept is None:
         assert centred(cast("Search", search), stand) is None
         assert len(asked) == 2
+
+
+@pytest.mark.parametrize(("held", "wins"), [(49.0, "offset"), (51.0, "curve")])
+def test_a_curve_of_the_same_law_may_do_better(held: float, wins: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A constant may stand for it; of curves of other laws, and of those that promise nothing, none is asked for."""
+    graph = parse_model(MODEL, file="m.yaml")
+    stand, model = Footing(graph=graph, values={}, starts={}), build_step_model(build_plant(graph))
+    offset = Imperfection(kind=Kind.OFFSET, place="R.e", law=("R", 0), size=0.5)
+    curves = [Imperfection(kind=Kind.CURVE, place=name, bend=Bend("i", 1.0, 0.1)) for name in ("K", "R", "R")]
+    asked: list[Imperfection] = []
+
+    def ground(_: Footing, items: Sequence[Imperfection]) -> object:
+        asked.extend(items)
+        worth = 50.0 if items[0] is offset else held
+        return SimpleNamespace(
+            climbed=lambda stand, item: replace(stand, held=worth, added=(Added(what=item, trained=0.0, held=worth),))
+        )
+
+    monkeypatch.setattr(offset_module, "likely_offsets", lambda *_: [(offset, 9.0)])
+    search = SimpleNamespace(
+        refused={},
+        tell=lambda _: None,
+        ground_with=ground,
+        all=SimpleNamespace(model=model),
+        curves=lambda _: list(zip(curves, (99.0, HINT + 1.0, HINT - 1.0), strict=True)),
+    )
+    found = centred(cast("Search", search), stand)
+    assert asked == [offset, curves[1]]
+    assert found is not None
+    assert found.added[0].what.kind.value == wins
 
 
 def test_a_law_that_is_written_the_other_way_round_may_be_off_as_it_is_written(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,12 +4,13 @@ Of a curve that is not quite that of the law, changes of what goes in show the s
 slow error that stands for it is never about zero: to be quiet it has to be so large that it hides faults.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from faultbond.arrays import FloatArray
+from faultbond.fit.curves import bendable_parameters
 from faultbond.fit.delays import HINT
 from faultbond.fit.evidence import joint_courses
 from faultbond.fit.foothold import Footing
@@ -22,15 +23,29 @@ TRIED = 2  # offsets that are fitted in a round
 
 
 def centred(search: Search, stand: Footing) -> Footing | None:
-    """Give where the likeliest offset of a law leads that foretells what was held back better; None: none does."""
+    """Give where the likeliest offset of a law leads that foretells what was held back better; None: none does.
+
+    A constant may stand for a parameter of that law that goes with something, so that is asked for, too: of a pump
+    whose pressure goes with the speed to the power 1.9, and by its law with the square, either is a gain.
+    """
     search.tell("asking whether a law is off by a constant")
     for offset, promised in likely_offsets(search, stand)[:TRIED]:
         search.tell(f"fitting {offset.words}")
         found = search.ground_with(stand, (offset,)).climbed(stand, offset)
         if found.held - stand.held >= WORTH:
-            return found
+            rivals = [found, *_curves_instead(search, stand, offset)]
+            return max(rivals, key=lambda item: item.held)
         search.refused[offset.key] = promised
     return None
+
+
+def _curves_instead(search: Search, stand: Footing, offset: Imperfection) -> Iterator[Footing]:
+    """Give where the likeliest curve of a parameter of the law leads, if one promises a gain."""
+    acting = {item.parameter for item in bendable_parameters(search.all.model) if offset.place in item.acts_on}
+    promised = [(item, gain) for item, gain in search.curves(stand) if item.place in acting and gain > HINT]
+    for curve, _ in promised[:1]:
+        search.tell(f"fitting {curve.words}")
+        yield search.ground_with(stand, (curve,)).climbed(stand, curve)
 
 
 def likely_offsets(search: Search, stand: Footing) -> list[tuple[Imperfection, float]]:
