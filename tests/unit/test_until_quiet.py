@@ -51,6 +51,7 @@ from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.trial import ROOM, enough, on_trial, stays_below, strayed_on
 from faultbond.io.recording import write_recording
 from faultbond.model.amend import amended
+from faultbond.model.expression import Name
 from faultbond.model.graph import BondGraph, SlowError
 from faultbond.model.parser import to_text
 from faultbond.model.text import load_model, parse_model
@@ -597,7 +598,9 @@ def test_a_curve_of_the_same_law_may_do_better(held: float, wins: str, monkeypat
     graph = parse_model(MODEL, file="m.yaml")
     stand, model = Footing(graph=graph, values={}, starts={}), build_step_model(build_plant(graph))
     offset = Imperfection(kind=Kind.OFFSET, place="R.e", law=("R", 0), size=0.5)
-    curves = [Imperfection(kind=Kind.CURVE, place=name, bend=Bend("i", 1.0, 0.1)) for name in ("K", "R", "R")]
+    curves = [
+        Imperfection(kind=Kind.CURVE, place=name, bend=Bend(Name("i"), "i", 1.0, 0.1)) for name in ("K", "R", "R")
+    ]
     asked: list[Imperfection] = []
 
     def ground(_: Footing, items: Sequence[Imperfection]) -> object:

@@ -19,13 +19,15 @@ DIGITS = 2  # of the numbers that are written into a law
 
 @dataclass(frozen=True, slots=True)
 class Bend:
-    """What a law goes with: a signal or an input, its usual size, and the least size for which the power goes on, SI.
+    """What a parameter goes with, its usual size, and the least size for which the power goes on, SI.
 
-    signed: whether the signal changes its sign, and its size counts. Without a least size the factor is an exponential,
-    of what goes through zero without being a size.
+    by: a signal, an input, or what a law raises to a power; name: the signals and inputs in it; signed: whether it
+    changes its sign, and its size counts. Without a least size the factor is an exponential, of what goes through zero
+    without being a size.
     """
 
-    by: str
+    by: Expression
+    name: str
     usual: float
     least: float = 0.0
     signed: bool = False
@@ -38,19 +40,18 @@ class Bend:
 
     def factor(self, power: str) -> Expression:
         """Give the factor with the parameter that is its power."""
-        signal = Name(self.by)
         if not self.least:
-            return Call("exp", (Binary("/", Binary("*", Name(power), signal), Number(self.usual)),))
-        size = Call("abs", (signal,)) if self.signed else signal
+            return Call("exp", (Binary("/", Binary("*", Name(power), self.by), Number(self.usual)),))
+        size = Call("abs", (self.by,)) if self.signed else self.by
         return Binary("**", Binary("/", Call("max", (size, Number(self.least))), Number(self.usual)), Name(power))
 
 
-def bend_by(by: str, values: FloatArray, *, own: bool) -> Bend | None:
+def bend_by(by: Expression, name: str, values: FloatArray, *, own: bool) -> Bend | None:
     """Give how a law may go with a signal; None where that is nothing, or always the same.
 
     Parameters
     ----------
-    by : the signal, or an input
+    by, name : what it goes with, and the signals and inputs in that
     values : what it is at many moments, (n,), SI
     own : whether the law speaks of it already: then its size counts where it changes its sign
     """
@@ -58,11 +59,11 @@ def bend_by(by: str, values: FloatArray, *, own: bool) -> Bend | None:
     if not len(values) or not np.all(np.isfinite(values)) or not sizes.max() > 0.0:
         return None
     if values.min() < 0.0 < values.max() and not own:
-        found = Bend(by, _rounded(float(sizes.max())))
+        found = Bend(by, name, _rounded(float(sizes.max())))
     else:
         usual = float(np.exp(np.mean(np.log(np.maximum(sizes, LEAST * sizes.max())))))
         least = max(BELOW * float(np.quantile(sizes, LOW)), LEAST * usual)
-        found = Bend(by, _rounded(usual), _rounded(least), signed=bool(values.min() < 0.0))
+        found = Bend(by, name, _rounded(usual), _rounded(least), signed=bool(values.min() < 0.0))
     return found if np.ptp(found.logarithm(values)) > 0.0 else None
 
 

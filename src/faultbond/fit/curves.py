@@ -1,6 +1,6 @@
 """Parameters that go with a signal, as laws do not say: which, with what, by about which power."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,8 +10,9 @@ from faultbond.equations.constraint_network import build_network
 from faultbond.equations.step import StepModel
 from faultbond.fit.bend import bend_by
 from faultbond.fit.imperfections import TEMPERATURE, Imperfection, Kind, assignments
-from faultbond.model.expression import Binary, Name, names, walk
-from faultbond.model.graph import Check, Component
+from faultbond.model.expression import Binary, Call, Expression, Name, Number, names, rebuilt, walk
+from faultbond.model.graph import BondGraph, Check, Component
+from faultbond.model.parser import to_text
 from faultbond.types import CheckKind, ElementType
 
 SHARES = (0.02, 0.06, 0.2)  # by which the parameter changes (sd), for the powers that are tried
@@ -26,24 +27,29 @@ class Bendable:
     """A parameter that may go with something.
 
     acts_on : signals that its laws relate, and sensors that show it
-    spoken : signals and inputs that stand in the laws; near : efforts and flows of stores at their ports
-    others : further inputs
+    spoken : what its laws raise to a power, and further signals and inputs in them
+    near : efforts and flows of stores at their ports; others : further inputs, or what a sensor shows of them
     """
 
     parameter: str
     acts_on: frozenset[str]
-    spoken: tuple[str, ...]
-    near: tuple[str, ...]
-    others: tuple[str, ...]
+    spoken: tuple[Expression, ...]
+    near: tuple[Expression, ...]
+    others: tuple[Expression, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Law:
-    """A law by its canonical signals and inputs, those that it is solved for, and stores at its ports."""
+    """A law by its canonical signals and inputs, those that it is solved for, and stores at its ports.
+
+    powers : what it raises to a power, of more than a name; outside : signals and inputs that stand elsewhere
+    """
 
     parameters: frozenset[str]
     named: tuple[str, ...]
     given: frozenset[str]
+    powers: tuple[Expression, ...]
+    outside: tuple[str, ...]
     near: tuple[str, ...]
     bends: bool
 
@@ -52,67 +58,93 @@ def bendable_parameters(model: StepModel) -> tuple[Bendable, ...]:
     """Give the parameters that may go with something: not those of stores, or of laws that keep power.
 
     None goes with what its law gives, or that would have to be solved anew; where a law is part of a loop, with inputs
-    alone.
+    alone. What a law raises to a power stands for all in it: a film that goes with a flow does so also where the flow
+    is another than the pump's speed lets expect.
     """
-    graph, laws = model.plant.graph, _laws(model)
-    inputs = tuple(item.name for item in graph.inputs)
+    laws = _laws(model)
     found = []
-    for item in graph.parameters:
+    for item in model.plant.graph.parameters:
         own = [law for law in laws if item.name in law.parameters]
-        if not own or not all(law.bends for law in own):
-            continue
-        given = frozenset[str]().union(*(law.given for law in own))
-        within = all(law.given for law in own)
-        shown = [known for known in graph.sensors if item.name in names(known.reads)]
-        named = [name for law in own for name in law.named] + [name for known in shown for name in names(known.reads)]
-        spoken = [name for name in dict.fromkeys(named) if name in inputs or (within and name in _signals(own) - given)]
-        near = [name for law in own for name in law.near if within and name not in (*spoken, *given)]
-        found.append(
-            Bendable(
-                parameter=item.name,
-                acts_on=_signals(own) | {known.name for known in shown},
-                spoken=tuple(spoken),
-                near=tuple(dict.fromkeys(near)),
-                others=tuple(name for name in inputs if name not in spoken),
-            )
-        )
+        if own and all(law.bends for law in own):
+            found.append(_bendable(model.plant.graph, item.name, own))
     return tuple(found)
 
 
-def _signals(laws: Iterable[_Law]) -> frozenset[str]:
-    return frozenset(name for law in laws for name in law.named)
+def _bendable(graph: BondGraph, parameter: str, laws: Sequence[_Law]) -> Bendable:
+    inputs = [item.name for item in graph.inputs]
+    named = frozenset(name for law in laws for name in law.named)
+    given = frozenset[str]().union(*(law.given for law in laws))
+    is_ordered = all(law.given for law in laws)
+    free = named - given if is_ordered else named & set(inputs)
+    shown = [item for item in graph.sensors if parameter in names(item.reads)]
+    spoken: list[Expression] = []
+    for law in laws:
+        powers = [one for one in law.powers if parameter not in names(one) and not set(names(one)) & (named - free)]
+        spoken += [*powers, *(Name(name) for name in (law.outside if powers else law.named) if name in free)]
+    spoken += [Name(name) for item in shown for name in names(item.reads) if name in inputs]
+    within = {name for one in spoken for name in names(one)}
+    near = [name for law in laws for name in law.near if is_ordered and name not in given | within]
+    others = [_shown_of(graph, name, parameter) for name in inputs if name not in within]
+    return Bendable(
+        parameter=parameter,
+        acts_on=named | {item.name for item in shown},
+        spoken=tuple(dict.fromkeys(spoken)),
+        near=tuple(map(Name, dict.fromkeys(near))),
+        others=tuple(dict.fromkeys(others)),
+    )
+
+
+def _shown_of(graph: BondGraph, name: str, parameter: str) -> Expression:
+    """Give what a sensor shows of an input, as the flow of a pump of its speed, where one does; else the input."""
+    parameters = {item.name for item in graph.parameters}
+    known = parameters | {item.name for item in graph.inputs} | {item.name for item in graph.constants}
+    for item in graph.sensors:
+        read = set(names(item.reads))
+        if name in read and read & parameters and read <= known - {parameter}:
+            return item.reads
+    return Name(name)
 
 
 def _laws(model: StepModel) -> list[_Law]:
     graph, network = model.plant.graph, model.plant.network
     solved = {(item.owner, item.signal) for item in assignments(model.plant.steps)}
     parameters = {item.name for item in graph.parameters}
-    numbers = parameters | {item.name for item in graph.constants} | {item.name for item in network.states}
+    numbers = parameters | {item.name for item in graph.constants}
     found = []
     for part in graph.components:
         residuals = [item.residual for item in network.constraints if item.owner == part.name]
         for law, residual in zip(part.laws, residuals, strict=True):
-            known = names(residual)
-            named = tuple(name for name in known if name not in numbers)
-            powers = {
-                name
-                for one in walk(residual)
-                if isinstance(one, Binary) and one.operator == "**"
-                for name in names(one.right)
-            }
-            given = frozenset(name for name in named if (part.name, name) in solved)
+            raised = dict(_powers(residual))
+            exponents = {name for one in raised.values() for name in names(one)}
+            powers = [one for one in raised if not isinstance(one, Name) and set(names(one)) - numbers]
+            named = tuple(name for name in names(residual) if name not in numbers)
             degrees = any(graph.signal_unit(name).text == TEMPERATURE for name in names(law.left))
-            bends = part.type in BENDABLE and not law.store and not degrees  # a part of degrees depends on their zero
             found.append(
                 _Law(
-                    parameters=frozenset(parameters & set(known) - powers),
+                    parameters=frozenset(parameters & set(names(residual)) - exponents),
                     named=named,
-                    given=given,
+                    given=frozenset(name for name in named if (part.name, name) in solved),
+                    powers=tuple(powers),
+                    outside=tuple(name for name in names(_without(residual, powers)) if name in named),
                     near=_near(model, part),
-                    bends=bends,
+                    bends=part.type in BENDABLE and not law.store and not degrees,  # a part of degrees is nothing
                 )
             )
     return found
+
+
+def _powers(expression: Expression) -> Iterator[tuple[Expression, Expression]]:
+    """Give what is raised to a power, and the power."""
+    for one in walk(expression):
+        match one:
+            case Binary("**", base, power):
+                yield base, power
+            case Call("sqrt", (base,)):
+                yield base, Number(0.5)
+
+
+def _without(expression: Expression, parts: Collection[Expression]) -> Expression:
+    return rebuilt(expression, lambda one: Number(1.0) if one in parts else one)
 
 
 def _near(model: StepModel, part: Component) -> tuple[str, ...]:
@@ -129,11 +161,10 @@ def _near(model: StepModel, part: Component) -> tuple[str, ...]:
     return tuple(name for name in partners if name in near)
 
 
-def signals_to_go_with(model: StepModel) -> tuple[str, ...]:
-    """Give the signals with which parameters may go, inputs apart, each once."""
-    inputs = {item.name for item in model.plant.graph.inputs}
-    found = (name for item in bendable_parameters(model) for name in (*item.spoken, *item.near))
-    return tuple(name for name in dict.fromkeys(found) if name not in inputs)
+def movers_of(model: StepModel) -> dict[str, Expression]:
+    """Give all with which parameters may go, by its text."""
+    found = (one for item in bendable_parameters(model) for one in (*item.spoken, *item.near, *item.others))
+    return {to_text(one): one for one in found}
 
 
 def possible_curves(
@@ -146,19 +177,22 @@ def possible_curves(
     Parameters
     ----------
     model : the plant
-    courses : of signals and inputs at many moments, SI, (n,) each
+    courses : of what parameters may go with, by its text, at many moments, SI, (n,) each
     known_off : signals and sensors of which it is known that they are off
     """
     items = bendable_parameters(model)
-    pairs = [(item, name) for item in items for name in item.spoken]
-    pairs += [(item, name) for item in items for name in item.near]
-    pairs += [(item, name) for item in items if item.acts_on & set(known_off) for name in item.others]
-    found = (_curve(item, by, courses.get(by, np.zeros(0))) for item, by in pairs)
+    pairs = [(item, one) for item in items for one in item.spoken]
+    pairs += [(item, one) for item in items for one in item.near]
+    pairs += [(item, one) for item in items if item.acts_on & set(known_off) for one in item.others]
+    graph = model.plant.graph
+    numbers = {item.name for item in graph.parameters} | {item.name for item in graph.constants}
+    found = (_curve(item, one, courses.get(to_text(one), np.zeros(0)), numbers) for item, one in pairs)
     return tuple(item for item in found if item is not None)[:MOST]
 
 
-def _curve(item: Bendable, by: str, course: FloatArray) -> Imperfection | None:
-    bend = bend_by(by, course, own=by in item.spoken)
+def _curve(item: Bendable, by: Expression, course: FloatArray, numbers: Collection[str]) -> Imperfection | None:
+    name = "_".join(name for name in names(by) if name not in numbers)
+    bend = bend_by(by, name, course, own=by in item.spoken)
     if bend is None:
         return None
     size = 0.01 / float(np.std(bend.logarithm(course)))
@@ -173,7 +207,7 @@ def likeliest_curves(model: StepModel, asked: Iterable[tuple[Imperfection, float
 
     asked : curves and what they would gain, nats
     """
-    spoken = {(item.parameter, name) for item in bendable_parameters(model) for name in item.spoken}
+    spoken = {(item.parameter, to_text(one)) for item in bendable_parameters(model) for one in item.spoken}
     order = sorted(asked, key=lambda item: item[1])
     best = sorted({item.key: (item, gain) for item, gain in order}.values(), key=lambda item: item[1])
     own = {item.place: gain for item, gain in best if (item.place, item.by) in spoken}  # the last is the largest

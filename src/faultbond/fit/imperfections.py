@@ -18,6 +18,7 @@ from faultbond.fit.bend import Bend
 from faultbond.fit.likelihood import Layout
 from faultbond.model.expression import Binary, Expression, Name, rebuilt
 from faultbond.model.graph import BondGraph, Component, Parameter, Relation, SlowError, Unit
+from faultbond.model.parser import to_text
 from faultbond.types import Hold
 
 MOST_FOLLOWED = 30  # states, slow errors and noise of inputs of a filter in which all is tried at once
@@ -67,7 +68,7 @@ class Imperfection:
     @property
     def by(self) -> str:
         """What a curve goes with; empty of all else."""
-        return self.bend.by if self.bend else ""
+        return to_text(self.bend.by) if self.bend else ""
 
     @property
     def key(self) -> tuple[Kind, str]:
@@ -331,7 +332,7 @@ def without_slow_error(graph: BondGraph, item: Imperfection) -> BondGraph:
 
 def parameter_name(item: Imperfection) -> str:
     """Give the name of the parameter that is the time constant of a lag, an offset, or the power of a curve."""
-    words = f"{item.place}_by_{item.by}" if item.by else f"{item.place}_{item.kind.value}"
+    words = f"{item.place}_by_{item.bend.name}" if item.bend else f"{item.place}_{item.kind.value}"
     return words.replace(".", "_")
 
 

@@ -20,7 +20,7 @@ from faultbond.equations.step import StepModel, build_step_model
 from faultbond.errors import StructureError
 from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.certainty import inverse_of
-from faultbond.fit.curves import likeliest_curves, possible_curves, powers_of, signals_to_go_with
+from faultbond.fit.curves import likeliest_curves, movers_of, possible_curves, powers_of
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
 from faultbond.fit.foothold import Added, Footing, in_time, keys_of, values_at, with_noise
 from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit, Prior, fit_at
@@ -118,13 +118,13 @@ class Search:
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
         self.inside: frozenset[str] = frozenset()  # parameters that are kept from straying
         self.believed: frozenset[str] = frozenset()  # those of which it is known what made them stray
-        self.signals = tuple(dict.fromkeys([*signals, *self.behind.values(), *signals_to_go_with(model)]))
+        self.signals = {name: Name(name) for name in (*signals, *self.behind.values())} | movers_of(model)
         tell("building a filter with all that may be missing")
         self.all = self._with_all(graph)
 
     def _with_all(self, graph: BondGraph) -> "Ground":
         """Give a plant in which all that may be missing is open, for likelihoods alone."""
-        checks = tuple(Check(name=name, kind=CheckKind.SIGNAL, reads=Name(name)) for name in self.signals)
+        checks = tuple(Check(name=text, kind=CheckKind.SIGNAL, reads=one) for text, one in self.signals.items())
         offsets = (Imperfection(kind=Kind.OFFSET, place=name, size=0.0, law=law) for name, law in self.laws.items())
         opened = with_imperfections(graph, (*self.possible, *offsets))
         return self.ground(replace(opened, checks=checks), slopes=False)
@@ -511,9 +511,7 @@ class Ground:
         n_u, by_hand, implicit = self.layout.n_u, self.model.by_hand, self.model.reference_implicit
         with np.errstate(all="ignore"):
             found = np.array([by_hand(row[n_u:], row[:n_u], implicit).full()[:, 0] for row in rows])
-        signals = dict(zip(self.search.signals, found.T, strict=True))
-        inputs = (item.name for item in self.graph.inputs)
-        return signals | dict(zip(inputs, rows[:, :n_u].T, strict=True))
+        return dict(zip(self.search.signals, found.T, strict=True))
 
 
 def _without(graph: BondGraph, item: Imperfection) -> BondGraph:

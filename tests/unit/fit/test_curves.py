@@ -22,9 +22,9 @@ from faultbond.fit.curves import (
     FOREIGN,
     bendable_parameters,
     likeliest_curves,
+    movers_of,
     possible_curves,
     powers_of,
-    signals_to_go_with,
 )
 from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.imperfections import (
@@ -37,6 +37,7 @@ from faultbond.fit.imperfections import (
 )
 from faultbond.fit.quiet_search import WORTH, Search
 from faultbond.io.recording import write_recording
+from faultbond.model.expression import Name
 from faultbond.model.graph import BondGraph
 from faultbond.model.parser import to_text
 from faultbond.model.text import load_model, parse_model
@@ -77,6 +78,7 @@ junctions: {line: 1, box: 0}
 bonds: [fan -> line -> air, line -> flap, line -> box -> plenum, box -> outlets]
 sensors: {p: {reads: box.e, unit: Pa, noise: 3 Pa}, q: {reads: line.f, unit: m^3/s, noise: 0.02 m^3/s}}
 """
+X = Name("x")
 BLOCKS = """
 name: pump
 sample_time: 1 s
@@ -97,8 +99,7 @@ def model(request: pytest.FixtureRequest) -> StepModel:
 def courses_of(model: StepModel) -> dict[str, FloatArray]:
     """Give courses of all that laws may go with, of which some change their sign."""
     generator = np.random.default_rng(5)
-    names = (*signals_to_go_with(model), *(item.name for item in model.plant.graph.inputs))
-    return {name: generator.normal(3.0 * (k % 2), 1.0, 50) for k, name in enumerate(names)}
+    return {text: generator.normal(3.0 * (k % 2), 1.0, 50) for k, text in enumerate(movers_of(model))}
 
 
 def everything_of(model: StepModel) -> set[str]:
@@ -108,7 +109,7 @@ def everything_of(model: StepModel) -> set[str]:
 
 @pytest.mark.parametrize(
     "bend",
-    [Bend("x", 2.0, 0.5), Bend("x", 2.0, 0.5, signed=True), Bend("x", 4.0)],
+    [Bend(X, "x", 2.0, 0.5), Bend(X, "x", 2.0, 0.5, signed=True), Bend(X, "x", 4.0)],
     ids=["power", "size", "exponential"],
 )
 def test_what_is_written_is_what_is_compared(bend: Bend) -> None:
@@ -127,38 +128,53 @@ def test_what_is_written_is_what_is_compared(bend: Bend) -> None:
 def test_a_power_has_a_usual_size_and_an_end() -> None:
     """The usual size is a geometric mean, so that the law's parameter stays what it was; far below all is the same."""
     values = np.array([1.0, 10.0, 100.0])
-    found = bend_by("x", values, own=False)
-    assert found == Bend("x", 17.0, 0.85)  # where 1 counts as 5
-    assert bend_by("x", -values, own=True) == replace(found, signed=True)
-    assert bend_by("x", np.array([-1.0, 4.0]), own=True) == Bend("x", 2.0, 0.53, signed=True)
-    assert bend_by("x", np.array([-1.0, 4.0]), own=False) == Bend("x", 4.0)
-    shut = bend_by("x", np.array([0.0, 0.0, 8.0]), own=True)
+    found = bend_by(X, "x", values, own=False)
+    assert found == Bend(X, "x", 17.0, 0.85)  # where 1 counts as 5
+    assert bend_by(X, "x", -values, own=True) == replace(found, signed=True)
+    assert bend_by(X, "x", np.array([-1.0, 4.0]), own=True) == Bend(X, "x", 2.0, 0.53, signed=True)
+    assert bend_by(X, "x", np.array([-1.0, 4.0]), own=False) == Bend(X, "x", 4.0)
+    shut = bend_by(X, "x", np.array([0.0, 0.0, 8.0]), own=True)
     assert shut is not None
     assert 0.0 < shut.least <= LEAST * shut.usual * 1.1
     for nothing in (np.zeros(0), np.zeros(5), np.full(5, 3.0), np.array([1.0, np.nan])):
-        assert bend_by("x", nothing, own=True) is None
+        assert bend_by(X, "x", nothing, own=True) is None
 
 
 def test_parameters_go_with_what_their_laws_do_not_give() -> None:
     """Neither with what stands on the left, nor with what a law is solved for; none of stores, none in an exponent."""
     cooler, duct, blocks = (
         {
-            item.parameter: (item.spoken, item.near, item.others)
+            item.parameter: tuple([to_text(one) for one in some] for some in (item.spoken, item.near, item.others))
             for item in bendable_parameters(build_step_model(build_plant(parse_model(text))))
         }
         for text in (COOLER.replace("**0.8*e, parameters: {", "**n*e, parameters: {n: 0.8, "), DUCT, BLOCKS)
     )
     assert cooler == {
-        "k": (("load",), ("oil_side.e",), ("flow", "t_in")),
-        "U": (("wall.e",), ("oil_side.e", "metal_side.e"), ("flow", "load", "t_in")),
-        "h": (("flow", "film.e"), ("metal_side.e",), ("load", "t_in")),
+        "k": (["load"], ["oil_side.e"], ["flow", "t_in"]),
+        "U": (["wall.e"], ["oil_side.e", "metal_side.e"], ["flow", "load", "t_in"]),
+        "h": (["flow/usual", "film.e"], ["metal_side.e"], ["load", "t_in"]),
     }
     assert duct == {
-        "P": (("speed",), ("line.f",), ("damper",)),
-        "K": (("damper", "line.f"), (), ("speed",)),
-        "K_out": (("box.e",), ("line.f",), ("speed", "damper")),  # the law gives the flow
+        "P": (["speed/full"], ["line.f"], ["damper"]),
+        "K": (["full/damper", "line.f"], [], ["speed"]),
+        "K_out": (["box.e"], ["line.f"], ["speed", "damper"]),  # the law gives the flow
     }
-    assert blocks == {"H": (("n",), (), ()), "R": (("P",), (), ("n",))}
+    assert blocks == {"H": (["n"], [], []), "R": (["P"], [], ["H*n"])}  # which a sensor shows
+
+
+def test_a_fault_of_a_flow_moves_what_goes_with_it() -> None:
+    """A film goes with the flow, not with the speed of the pump: with what its law or a sensor says the flow is."""
+    by_law = COOLER.replace("(flow/usual)", "(G*flow/usual)").replace("{h: 250 W/K}", "{h: 250 W/K, G: 1}")
+    by_sensor = COOLER.replace("(flow/usual)**0.8*", "").replace("{h: 250 W/K}", "{h: 250 W/K, G: 1}")
+    by_sensor += "  meter: {reads: G*flow, unit: l/min, noise: 0.1 l/min}\n"
+    found = []
+    for text in (by_law, by_sensor):
+        items = bendable_parameters(build_step_model(build_plant(parse_model(text))))
+        (film,) = (item for item in items if item.parameter == "h")
+        found.append([to_text(one) for one in (*film.spoken, *film.others)])
+    assert "G*flow/usual" in found[0]
+    assert "G*flow" in found[1]
+    assert not {"flow", "G"} & {*found[0], *found[1]}
 
 
 def test_a_power_of_nothing_changes_nothing(model: StepModel) -> None:
@@ -218,7 +234,7 @@ def texts_of(graph: BondGraph) -> list[str]:
 def test_over_other_inputs_only_where_the_law_is_off(model: StepModel) -> None:
     """A law that is right is not bent over what it does not speak of."""
     courses = courses_of(model)
-    foreign = {(item.parameter, name) for item in bendable_parameters(model) for name in item.others}
+    foreign = {(item.parameter, to_text(one)) for item in bendable_parameters(model) for one in item.others}
     found = [
         {(item.place, item.by) for item in possible_curves(model, courses, off)}
         for off in (set[str](), everything_of(model))
@@ -232,19 +248,19 @@ def test_powers_change_the_law_by_as_much(model: StepModel) -> None:
     courses = courses_of(model)
     for curve in possible_curves(model, courses, set()):
         assert curve.bend is not None
-        spread = np.std(curve.bend.logarithm(courses[curve.bend.by]))
+        spread = np.std(curve.bend.logarithm(courses[curve.by]))
         assert sorted(item.size * spread for item in powers_of(curve)) == pytest.approx(
             [-0.2, -0.06, -0.02, 0.02, 0.06, 0.2]
         )
 
 
-@pytest.mark.parametrize(("factor", "kept"), [(0.99, ["flow"]), (1.01, ["metal_side.e", "flow"])])
+@pytest.mark.parametrize(("factor", "kept"), [(0.99, ["flow/usual"]), (1.01, ["metal_side.e", "flow/usual"])])
 def test_what_the_law_speaks_of_comes_first(factor: float, kept: list[str]) -> None:
     """A curve over something else has to gain a quarter more; of each the best power counts."""
     model = build_step_model(build_plant(parse_model(COOLER)))
-    gains = {"flow": 40.0, "metal_side.e": 40.0 * FOREIGN * factor, "load": -3.0}
+    gains = {"flow/usual": 40.0, "metal_side.e": 40.0 * FOREIGN * factor, "load": -3.0}
     asked = [
-        (Imperfection(kind=Kind.CURVE, place="h", bend=Bend(by, 1.0, 0.1), size=size), gain - size)
+        (Imperfection(kind=Kind.CURVE, place="h", bend=Bend(Name(by), by, 1.0, 0.1), size=size), gain - size)
         for by, gain in gains.items()
         for size in (0.2, 0.0, 0.1)
     ]
@@ -256,7 +272,7 @@ def test_what_the_law_speaks_of_comes_first(factor: float, kept: list[str]) -> N
 def test_a_curve_of_no_use_is_left_out(loss: float, is_kept: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was added with it or later explains what it did; it is not tried again."""
     graph = parse_model(COOLER)
-    curve = Imperfection(kind=Kind.CURVE, place="h", bend=Bend("flow", 3e-4, 1e-4), size=0.01)
+    curve = Imperfection(kind=Kind.CURVE, place="h", bend=Bend(Name("flow"), "flow", 3e-4, 1e-4), size=0.01)
     stand = Footing(
         graph=with_imperfections(graph, (curve,)),
         values={},
@@ -295,7 +311,10 @@ def test_a_curve_beside_others_has_to_be_needed(
 ) -> None:
     """What is added together with a curve may do what it does: it is asked for without it."""
     slow = Imperfection(kind=Kind.ABSOLUTE, place="slow", memory=50.0)
-    items = [slow, *(Imperfection(kind=Kind.CURVE, place=name, bend=Bend("flow", 1.0, 0.1)) for name in "hk")]
+    items = [
+        slow,
+        *(Imperfection(kind=Kind.CURVE, place=name, bend=Bend(Name("flow"), "flow", 1.0, 0.1)) for name in "hk"),
+    ]
     stand = Footing(graph=parse_model(COOLER), values={}, starts={})
 
     def together(_: Search, stand: Footing, more: Sequence[Added]) -> Footing:
@@ -347,7 +366,7 @@ def test_another_power_is_found(exponent: float, tmp_path: Path, monkeypatch: py
     quiet = json.loads(target.read_text(encoding="utf-8").splitlines()[-1])
     assert quiet["quiet"]
     assert [(item["kind"], item["of"], item["over"]) for item in quiet["added"]] == (
-        [] if exponent == 0.8 else [("curve", "h", "flow")]
+        [] if exponent == 0.8 else [("curve", "h", "flow/usual")]
     )
     if quiet["added"]:
         power = load_model(tmp_path / "quiet.yaml").parameter("h_by_flow")
