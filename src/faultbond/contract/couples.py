@@ -1,5 +1,6 @@
 """Couples: a fault with a slot, and a parameter that changed or an instrument that is off beside it; the likeliest."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from faultbond.contract.spec import EngineSpec
@@ -16,12 +17,15 @@ class Couple:
     parameter : which becomes a suspect beside it; -1: it is an instrument
     beside : hypothesis of that instrument; -1: it is a parameter
     hypothesis : that which both are; of a parameter that drifts beside another one that of both as steps
+    alike : of an input that acts as a product with one parameter alone, the hypothesis of that and the other parameter:
+    a wrong gain is the same as a step of that; -1: there is none
     """
 
     slot: int
     hypothesis: int
     parameter: int = -1
     beside: int = -1
+    alike: int = -1
 
 
 def plan_couples(spec: EngineSpec) -> tuple[Couple, ...]:
@@ -30,8 +34,16 @@ def plan_couples(spec: EngineSpec) -> tuple[Couple, ...]:
         return ()
     first = len(spec.hypotheses)
     own = spec.n_begun + len(spec.reserve)
+    pairs = [
+        (chosen, k)
+        for sets, start in ((spec.hypotheses, 0), (spec.reserve, spec.n_begun))
+        for k, chosen in enumerate(sets, start)
+        if len(chosen) == 2
+    ]
     with_instrument = (
-        Couple(slot=first + instrument, parameter=index, hypothesis=own + k)
+        Couple(
+            slot=first + instrument, parameter=index, hypothesis=own + k, alike=_alike(spec, instrument, index, pairs)
+        )
         for k, (instrument, index) in enumerate(spec.mixed)
     )
     two_instruments = (
@@ -39,12 +51,6 @@ def plan_couples(spec: EngineSpec) -> tuple[Couple, ...]:
         for k, (one, two) in enumerate(spec.both)
     )
     singles = {chosen[0]: k for k, chosen in enumerate(spec.hypotheses) if len(chosen) == 1}
-    pairs = [
-        (chosen, k)
-        for sets, start in ((spec.hypotheses, 0), (spec.reserve, spec.n_begun))
-        for k, chosen in enumerate(sets, start)
-        if len(chosen) == 2
-    ]
     both_steps = (
         Couple(slot=singles[drifting], parameter=other, hypothesis=k)
         for chosen, k in pairs
@@ -52,6 +58,13 @@ def plan_couples(spec: EngineSpec) -> tuple[Couple, ...]:
         if drifting in singles
     )
     return (*with_instrument, *two_instruments, *both_steps)
+
+
+def _alike(spec: EngineSpec, instrument: int, parameter: int, pairs: Sequence[tuple[tuple[int, ...], int]]) -> int:
+    """Give the hypothesis of two parameters that looks as a gain of an input beside one of them does; -1: none."""
+    item = spec.instruments[instrument]
+    both = () if item.is_output else tuple(sorted((spec.inputs[item.index].factor, parameter)))
+    return next((k for chosen, k in pairs if tuple(sorted(chosen)) == both), -1)
 
 
 def n_coupled(spec: EngineSpec) -> tuple[int, int, int]:

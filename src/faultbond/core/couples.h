@@ -115,6 +115,19 @@ static void find_bases_of(Bank *bank, const double *old, Match *match)
     }
 }
 
+/* Let one of the two bases be a wrong gain, of an input that acts as a product with one parameter alone: see `share_products`
+   in ranking.h. */
+static void include_gain(Bank *bank, const double *old, Match *match)
+{
+    if (COUPLE_ALIKE[match->couple] < 0 || match->base[0] < 0 || SLOT_KIND[match->base[0]] == KIND_GAIN) return;
+    if (match->base[1] >= 0 && SLOT_KIND[match->base[1]] == KIND_GAIN) return;
+    for (int64_t k = 0; k < SWITCHED; k++) {
+        if (SLOT_HYPOTHESIS[k] != COUPLE_SLOT[match->couple] || SLOT_KIND[k] != KIND_GAIN) continue;
+        match->base[1] = k;
+        match->said[1] = said_with(bank, k, COUPLE_PARAMETER[match->couple], old, &match->value[1]);
+    }
+}
+
 /* Likelihood of a lane of a couple with the weight of its slot; -inf: it has not begun, or says nothing. */
 static double said_by_couple(Bank *bank, int64_t lane)
 {
@@ -208,6 +221,7 @@ static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t mos
         if (bank->rejected[COUPLE_HYPOTHESIS[couple]]) continue;
         if (COUPLE_BESIDE[couple] >= 0) match_instruments(bank, index, &match);
         else find_bases_of(bank, old, &match);
+        include_gain(bank, old, &match);
         match_steps(bank, &match);
         match.row = row_of_couple(bank, couple);
         const double said = match.row < 0 ? match.said[0] : said_by_couple(bank, likeliest_of_couple(bank, match.row));

@@ -95,6 +95,29 @@ static void weigh_lanes(const Bank *bank, int out, Ranking *ranking)
     weigh_couples(bank, out, ranking, weighted + N_STEPS + N_SLOT_LANES);
 }
 
+/* The prior weight of a wrong gain among the faults of an instrument. */
+static double weight_of_gain(int64_t instrument)
+{
+    double weight = -INFINITY;
+    for (int64_t k = 0; k < SWITCHED; k++)
+        if (SLOT_HYPOTHESIS[k] == instrument && SLOT_KIND[k] == KIND_GAIN) weight = log_add(weight, SLOT_WEIGHT[k]);
+    return weight;
+}
+
+/* Let a wrong gain of an input beside a parameter, and a step of the parameter with which alone the input acts, as a product,
+   beside it say what either says: they are the same, and lanes that begin elsewhere would tell them apart. */
+static void share_products(Ranking *ranking)
+{
+    for (int64_t couple = 0; couple < N_MIXED; couple++) {
+        if (COUPLE_ALIKE[couple] < 0) continue;
+        double *gain = &ranking->kinds[COUPLE_HYPOTHESIS[couple]][KIND_GAIN], *step = &ranking->kinds[COUPLE_ALIKE[couple]][KIND_STEP];
+        if (!(*gain > -INFINITY && *step > -INFINITY)) continue;
+        const double weight = weight_of_gain(COUPLE_SLOT[couple]), said = fmax(*step, *gain - weight);
+        *step = said;
+        *gain = said + weight;
+    }
+}
+
 /* The scores of all hypotheses, and their best lanes; of lanes or kinds that are equally likely the first. */
 static void score_all(const State *state, int out, Ranking *ranking)
 {
@@ -114,6 +137,7 @@ static void score_all(const State *state, int out, Ranking *ranking)
         double *total = &ranking->kinds[hypothesis_of(bank, lane)][kind_of(bank, lane)];
         *total = log_add(*total, ranking->weighted[lane]);
     }
+    share_products(ranking);
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
         const double *kinds = ranking->kinds[k];
         double total = kinds[0];

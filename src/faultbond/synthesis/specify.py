@@ -21,6 +21,7 @@ from faultbond.contract.spec import (
 )
 from faultbond.equations.step import StepModel, reference_inputs
 from faultbond.model.graph import BondGraph, Input, Parameter, Sensor, SlowError, Validity
+from faultbond.synthesis.products import factors_of_inputs
 from faultbond.synthesis.promise import cusum_limit, slow_error_limit
 
 VERSION = version("faultbond")
@@ -67,7 +68,10 @@ def build_spec(model: StepModel) -> EngineSpec:
         states=states,
         slow_errors=slow,
         parameters=tuple(_parameter(item, _settling(model, k)) for k, item in enumerate(graph.parameters)),
-        inputs=tuple(_input(item, acts=item.name in graph.acting_inputs) for item in graph.inputs),
+        inputs=tuple(
+            _input(item, factor, acts=item.name in graph.acting_inputs)
+            for item, factor in zip(graph.inputs, factors_of_inputs(plant), strict=True)
+        ),
         outputs=tuple(_output(item, model.direct[k], conditions, stores) for k, item in enumerate(graph.sensors)),
         loops=tuple(float(value) for value in model.reference_implicit),
         hypotheses=begun,
@@ -240,7 +244,7 @@ def _place(stated: Validity | None, conditions: tuple[Validity, ...]) -> int:
     return -1 if stated is None else conditions.index(stated)
 
 
-def _input(item: Input, *, acts: bool) -> InputSpec:
+def _input(item: Input, factor: int, *, acts: bool) -> InputSpec:
     """Give an input; one that no law names only says in which state the plant is, and may take any value."""
     percent = item.unit.text == "percent"
     noise = _STEP_NOISE * item.noise
@@ -258,6 +262,7 @@ def _input(item: Input, *, acts: bool) -> InputSpec:
         hold=item.hold,
         smooth=item.smooth,
         healthy_bias=item.healthy_bias,
+        factor=factor,
         **({} if item.fitted_range is None else {"fitted_range": item.fitted_range}),
     )
 

@@ -144,6 +144,49 @@ def first_in_rooms(sensor: Fault, component: Fault) -> Candidate:
     return monitor.conclude().candidates[0]
 
 
+AIR = """name: compressed air
+sample_time: 2 s
+inputs: {speed: {unit: percent}, valve: {unit: percent}}
+components:
+  compressor: {type: Sf, law: f = G*speed, parameters: {G: {nominal: 0.38 g/s/percent, accuracy: 1 %}}}
+  receiver: {type: C, law: q = C1*e, parameters: {C1: {nominal: 6e-6 kg/Pa, accuracy: 1 %}}}
+  line: {type: R, law: e = R*f*abs(f), parameters: {R: {nominal: 5e7 Pa*s^2/kg^2, accuracy: 1 %}}}
+  buffer: {type: C, law: q = C2*e, parameters: {C2: {nominal: 3.6e-6 kg/Pa, accuracy: 1 %}}}
+  consumer: {type: R, law: f = K*valve*sqrt(e), parameters: {K: {nominal: 5.8e-7 kg/s/percent/Pa^0.5, accuracy: 1 %}}}
+junctions: {node1: 0, pipe: 1, node2: 0}
+bonds: [compressor -> node1 -> receiver, node1 -> pipe -> line, pipe -> node2 -> buffer, node2 -> consumer]
+sensors:
+  p1: {reads: node1.e, unit: kPa, noise: 0.5 kPa}
+  p2: {reads: node2.e, unit: kPa, noise: 0.4 kPa}
+  flow: {reads: pipe.f, unit: g/s, noise: 0.15 g/s}
+slow_error: {pipe.f: 3e-5 kg/s over 2 s, compressor.f: 2.4 % over 970 s}
+"""
+
+
+@pytest.mark.parametrize(
+    ("gain", "parameter"),
+    [
+        (Fault(parameter="speed.gain", value=0.85, start=1400.0), "G"),
+        (Fault(parameter="G", factor=0.85, start=1400.0), "G"),
+        (Fault(parameter="valve.gain", value=0.8, start=1400.0), "K"),
+    ],
+)
+def test_a_gain_of_an_input_and_a_factor_beside_it_are_alike(gain: Fault, parameter: str) -> None:
+    """Of G*speed nothing tells which changed, also beside a pipe that fouls: neither is sure, as each by itself."""
+    graph = parse_model(AIR, "model.yaml")
+    time, random = np.asarray(2.0 * np.arange(1500), dtype=np.float64), np.random.default_rng(3)
+    values = np.column_stack([random_steps(time, random, low=40, high=95, shortest=60, longest=300) for _ in "12"])
+    made = simulate(
+        graph, Inputs(time=time, values=values), (gain, Fault(parameter="R", factor=1.4, start=1400.0)), seed=1
+    )
+    monitor = run(build_engine(graph)[1], samples_of(time, made.inputs, made.outputs))[0]
+    first, second, *_ = monitor.conclude().candidates
+    called = {"G": "speed.gain", "K": "valve.gain"}[parameter]
+    assert [{item.parameter for item in one.suspects} for one in (first, second)] == [{parameter, "R"}, {called, "R"}]
+    assert second.group
+    assert 0.05 < second.probability < 0.5 < first.probability < 0.95
+
+
 def test_a_parameter_begins_where_it_can_be() -> None:
     """A wall that lets through three times as much is beyond 0 for who takes its law to be straight.
 

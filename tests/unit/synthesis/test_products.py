@@ -1,0 +1,63 @@
+"""Inputs that act as a product with one parameter alone."""
+
+import pytest
+
+from faultbond.contract.couples import plan_couples
+from faultbond.equations.plant import build_plant
+from faultbond.model.text import parse_model
+from faultbond.synthesis.engine import build_engine
+from faultbond.synthesis.products import factors_of_inputs
+
+TANK = """
+name: tank
+sample_time: 1 s
+max_faults: 2
+constants: {full: 100 percent}
+inputs: {speed: {unit: percent}, valve: {unit: percent}}
+components:
+  pump: {type: Sf, law: f = G*speed, parameters: {G: 2e-5 m^3/s/percent}}
+  vessel: {type: C, law: q = A*e, parameters: {A: 1e-4 m^3/Pa}}
+  outlet: {type: R, law: f = K*valve*sqrt(e), parameters: {K: 1e-7 m^3/s/Pa^0.5/percent}}
+junctions: {node: 0}
+bonds: [pump -> node -> vessel, node -> outlet]
+sensors: {level: {reads: node.e, unit: Pa, noise: 20 Pa}, drain: {reads: outlet.f, noise: 1e-5 m^3/s}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "found"),
+    [
+        ("", "", ("G", "K")),
+        ("K*valve*sqrt(e)", "sqrt(e)*valve*K", ("G", "K")),
+        ("K*valve*sqrt(e)", "K*sqrt(e*valve**2)", ("G", "K")),
+        ("K*valve*sqrt(e)", "K*valve*(valve/full)*sqrt(e)", ("G", "")),
+        ("K*valve*sqrt(e)", "K*(valve + 1)*sqrt(e)", ("G", "")),
+        ("K*valve*sqrt(e)", "K*valve*sqrt(e)*(1 + speed/full)", ("", "K")),
+        ("reads: node.e", "reads: node.e*(1 + speed/full)", ("", "K")),
+        ("speed: {", "speed: {lag: 3 s, ", ("", "K")),
+        ("G: 2e-5 m^3/s/percent", "G: {nominal: 2e-5 m^3/s/percent, suspect: no}", ("", "K")),
+        ("law: f = G*speed", "law: f = 3*G*speed", ("G", "K")),
+    ],
+)
+def test_which_input_acts_with_which_parameter(old: str, new: str, found: tuple[str, str]) -> None:
+    """Where the input is larger and the parameter as much smaller nothing else may change."""
+    graph = parse_model(TANK.replace(old, new) if old else TANK)
+    factors = factors_of_inputs(build_plant(graph))
+    assert tuple("" if k < 0 else graph.parameters[k].name for k in factors) == found
+
+
+def test_a_gain_beside_a_parameter_is_alike_with_both_parameters() -> None:
+    """Of an input with such a parameter, beside each other one; beside the same one there is nothing alike."""
+    spec = build_engine(parse_model(TANK))[1].spec
+    names = [item.name for item in spec.parameters]
+    found = {}
+    for couple in plan_couples(spec):
+        if couple.beside < 0 and couple.slot >= len(spec.hypotheses):
+            (item,) = spec.instruments_in(couple.slot)
+            alike = tuple(sorted(names[k] for k in spec.members(couple.alike))) if couple.alike >= 0 else ()
+            found[item.name, names[couple.parameter]] = alike
+    assert found == {
+        **{(sensor, name): () for sensor in ("level", "drain") for name in names},
+        **{("speed", name): tuple(sorted({"G", name})) if name != "G" else () for name in names},
+        **{("valve", name): tuple(sorted({"K", name})) if name != "K" else () for name in names},
+    }
