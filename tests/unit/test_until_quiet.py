@@ -677,6 +677,15 @@ sensors: {T: {reads: inside.e, unit: degC, noise: 0.1 K}}
     assert (Kind.RELATIVE, "outside.e") not in found
 
 
+def test_an_exponent_does_not_wander() -> None:
+    """What wanders is a value of a store, or of a law with several; a power that was found stays what it is."""
+    law = "R: {type: R, law: e = R*f*(abs(f)/0.5)**n, parameters: {n: 0.5, "
+    graph = parse_model(MODEL.replace("R: {type: R, parameters: {", law))
+    assert "n" in [item.name for item in graph.parameters]
+    found = {item.place for item in possible(graph, ()) if item.kind is Kind.WANDER}
+    assert found == {"L", "R"}
+
+
 def test_an_offset_stands_in_the_law_as_it_is_written() -> None:
     """Whichever way a law is written, and as often as one is added; it is read back as the same plant."""
     text = """

@@ -158,12 +158,14 @@ def identified(
 
     with threadpool_limits(1):  # matrices are small here, and threads would only wait
         if wishes.until_quiet:
+            from faultbond.report.quiet_result import told_in_file  # noqa: PLC0415 - needed here alone
+
             quieted = _quieted(document.text, graph, read, wishes, tell)
             return Identified(
                 graph=graph,
                 fitted=quieted.fitted,
                 quieted=quieted,
-                text=quieted.text,
+                text=told_in_file(quieted),
                 stopped=quieted.stopped,
                 failed=quieted.failed,
             )

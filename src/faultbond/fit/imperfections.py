@@ -16,7 +16,7 @@ from faultbond.equations.sequence import Assignment, Step
 from faultbond.equations.step import StepModel
 from faultbond.fit.bend import Bend
 from faultbond.fit.likelihood import Layout
-from faultbond.model.expression import Binary, Expression, Name, rebuilt
+from faultbond.model.expression import Binary, Expression, Name, names, rebuilt, walk
 from faultbond.model.graph import BondGraph, Component, Parameter, Relation, SlowError, Unit
 from faultbond.model.parser import to_text
 from faultbond.types import Hold
@@ -181,12 +181,18 @@ def possible(graph: BondGraph, signals: tuple[str, ...], n_states: int = 0) -> t
 
 
 def _unseen(graph: BondGraph) -> Iterator[str]:
-    """Give the parameters whose wander is not the slow error of a signal: of stores, and of laws with several."""
+    """Give the parameters whose wander is not the slow error of a signal: of stores, and of laws with several.
+
+    An exponent stays what it is.
+    """
     nominals = {item.name: item.nominal for item in graph.parameters}
+    laws = (law.right for item in graph.components for law in item.laws)
+    raised = (one for law in laws for one in walk(law) if isinstance(one, Binary) and one.operator == "**")
+    exponents = {name for one in raised for name in names(one.right)}
     for item in graph.components:
         stores = item.type.is_store or any(law.store for law in item.laws)
         if stores or len(item.parameters) > 1:
-            yield from (name for name in item.parameters if nominals[name] != 0.0)
+            yield from (name for name in item.parameters if nominals[name] != 0.0 and name not in exponents)
 
 
 def kind_of(item: SlowError) -> Kind:

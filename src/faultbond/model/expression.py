@@ -96,6 +96,16 @@ def names(expression: Expression) -> tuple[str, ...]:
     return tuple(dict.fromkeys(part.text for part in walk(expression) if isinstance(part, Name)))
 
 
+def power_of(expression: Expression, base: Expression) -> float | None:
+    """Give the number to whose power a base stands in an expression; None where it does not, or in several."""
+    found = {
+        one.right.value
+        for one in walk(expression)
+        if isinstance(one, Binary) and one.operator == "**" and one.left == base and isinstance(one.right, Number)
+    }
+    return found.pop() if len(found) == 1 else None
+
+
 def rebuilt(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
     """Give the expression with every part replaced by what `change` gives for it, innermost first."""
     match expression:

@@ -16,6 +16,7 @@ from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.trial import Health
 from faultbond.model.amend import Path, amended
 from faultbond.model.dump import law_text, scalar_text
+from faultbond.model.expression import power_of
 from faultbond.model.graph import BondGraph, SlowError, Unit
 from faultbond.model.parser import to_text
 from faultbond.model.rewrite import NewSize, parameter_path, rewrite
@@ -279,6 +280,7 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
     so_far = " so far" if found.unfinished else ""
     nothing = f"nothing{so_far} that foretells what was held back better"
     told = under("as good", texts) if found.added else [("", nothing)]
+    told += under("curves", [_curve_words(graph, item.what) for item in found.added if item.what.by])
     for label, sizes in (("raised", found.raised), ("lowered", found.lowered)):
         told += under(label, [f"{item.what} {item.times:.2g} times as large" for item in sizes])
     if not found.stated:
@@ -308,6 +310,44 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
     if found.health is not None and (not found.quiet or found.raised or not found.health.has_room):
         parts.append(QuietPart(title="What could not be mended", lines=tuple(_left_lines(found, found.health))))
     return tuple(parts)
+
+
+def _curve_words(graph: BondGraph, item: Imperfection) -> str:
+    """Say in words how a parameter goes with something, and where it has the value that is told.
+
+    graph : the model as it was given
+    """
+    bend, power = item.bend, f"{item.size:.3g}".replace("-", MINUS)
+    assert bend is not None  # noqa: S101 - of a curve
+    given = {known.name: known.unit for known in graph.inputs}
+    unit = given.get(item.by) or graph.signal_unit(item.by)
+    usual = f"{short(unit.from_si(bend.usual))} {unit_text(unit.text)}".rstrip()
+    if not bend.least:
+        return f"{item.place} is exp({power} {item.by}/{usual}) times what it is where {item.by} is 0"
+    laws = [law.right for part in graph.components if item.place in part.parameters for law in part.laws]
+    stated = {power_of(law, bend.by) for law in laws} - {None}
+    whole = "".join(
+        f", so with {known + item.size:.3g} where it has {known:g}" for known in stated if known is not None
+    )
+    size = f"the size of {item.by}" if bend.signed else item.by
+    return (
+        f"{item.place} goes with {size} to the power {power}, beside what its law says{whole}; "
+        f"its value is that at {usual}"
+    )
+
+
+def told_in_file(found: Quieted) -> str:
+    """Give the model text with what was added and raised in its first line, which tells of the fit."""
+    first, line_end, rest = found.text.partition("\n")
+    if not first.startswith("# "):
+        return found.text
+    added = [item.what.words for item in found.added]
+    raised = [f"{item.what} {item.times:.2g} times" for item in found.raised]
+    if added:
+        first += f" Added: {join(added)}."
+    if raised:
+        first += f" Larger than found: {join(raised)}."
+    return first + line_end + rest
 
 
 def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:

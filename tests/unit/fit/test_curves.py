@@ -37,11 +37,12 @@ from faultbond.fit.imperfections import (
 )
 from faultbond.fit.quiet_search import WORTH, Search
 from faultbond.io.recording import write_recording
-from faultbond.model.expression import Name
+from faultbond.model.expression import Binary, Name
 from faultbond.model.graph import BondGraph
 from faultbond.model.parser import to_text
 from faultbond.model.text import load_model, parse_model
-from faultbond.report.quiet_result import _added_row, amended_text
+from faultbond.report.numbers import MINUS
+from faultbond.report.quiet_result import _added_row, _curve_words, amended_text
 
 COOLER = """
 name: cooler
@@ -336,6 +337,31 @@ def test_a_curve_beside_others_has_to_be_needed(
     assert "".join(item.what.place[0] for item in found.added) == kept
 
 
+@pytest.mark.parametrize(
+    ("bend", "told"),
+    [
+        (
+            Bend(Binary("/", Name("flow"), Name("usual")), "flow", 0.94, 0.2),
+            "h goes with flow/usual to the power -0.25, beside what its law says, so with 0.55 where it has 0.8; "
+            "its value is that at 0.94",
+        ),
+        (
+            Bend(Name("film.e"), "film_e", 12.0, 1.0, signed=True),
+            "h goes with the size of film.e to the power -0.25, beside what its law says; its value is that at 12 K",
+        ),
+        (Bend(Name("film.e"), "film_e", 12.0), "h is exp(-0.25 film.e/12 K) times what it is where film.e is 0"),
+        (
+            Bend(Name("flow"), "flow", 1e-3 / 6, 1e-5),
+            "h goes with flow to the power -0.25, beside what its law says; its value is that at 10 l/min",
+        ),
+    ],
+)
+def test_a_curve_is_told_in_words(bend: Bend, told: str) -> None:
+    """With which power the law would be right, where it states one, and where the parameter has its value."""
+    item = Imperfection(kind=Kind.CURVE, place="h", bend=bend, size=-0.25)
+    assert _curve_words(parse_model(COOLER), item) == told.replace("-", MINUS)
+
+
 def recorded(folder: Path, exponent: float, seed: int) -> Path:
     """Give a recording of a cooler whose film goes with the flow to a power, made by hand in steps of a second."""
     rng = np.random.default_rng(seed)
@@ -368,6 +394,9 @@ def test_another_power_is_found(exponent: float, tmp_path: Path, monkeypatch: py
     assert [(item["kind"], item["of"], item["over"]) for item in quiet["added"]] == (
         [] if exponent == 0.8 else [("curve", "h", "flow/usual")]
     )
+    first = (tmp_path / "quiet.yaml").read_text(encoding="utf-8").partition("\n")[0]
+    assert first.startswith("# Fitted to ")
+    assert ("Added: curve of h over flow/usual." in first) == bool(quiet["added"])
     if quiet["added"]:
         power = load_model(tmp_path / "quiet.yaml").parameter("h_by_flow")
         assert power.nominal == pytest.approx(exponent - 0.8, abs=4.0 * power.accuracy)
