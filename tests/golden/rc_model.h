@@ -75,7 +75,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x421f9442bea825c0ULL, 0x1bd19bb0e95c7146ULL, 0xf2506ecc5a285a63ULL, 0x6fef7128325ad17bULL};
+static const uint64_t MODEL_HASH[] = {0x7c0390a2c1f189a5ULL, 0x7f61e20b8f0907d8ULL, 0x6cd8fe692f349eefULL, 0x3507a02aee1e1c3cULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -243,6 +243,7 @@ static const int COUPLE_PARAMETER[] = {0};
 static const int COUPLE_BESIDE[] = {0};
 static const int COUPLE_HYPOTHESIS[] = {0};
 static const int COUPLE_ALIKE[] = {0};
+static const int COUPLE_GAINS[] = {0};
 static const int PARAMETER_PART[] = {0, 1};
 static const int INPUT_PART[] = {2};
 static const int OUTPUT_PART[] = {3};

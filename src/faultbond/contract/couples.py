@@ -17,8 +17,9 @@ class Couple:
     parameter : which becomes a suspect beside it; -1: it is an instrument
     beside : hypothesis of that instrument; -1: it is a parameter
     hypothesis : that which both are; of a parameter that drifts beside another one that of both as steps
-    alike : of an input that acts as a product with one parameter alone, the hypothesis of that and the other parameter:
-    a wrong gain is the same as a step of that; -1: there is none
+    alike : of an input that acts as a product with one parameter alone, the hypothesis of that parameter beside the
+    other suspect: a wrong gain is the same as a step of that; -1: there is none
+    gains : hypothesis of that input; -1: there is none
     """
 
     slot: int
@@ -26,6 +27,7 @@ class Couple:
     parameter: int = -1
     beside: int = -1
     alike: int = -1
+    gains: int = -1
 
 
 def plan_couples(spec: EngineSpec) -> tuple[Couple, ...]:
@@ -42,13 +44,26 @@ def plan_couples(spec: EngineSpec) -> tuple[Couple, ...]:
     ]
     with_instrument = (
         Couple(
-            slot=first + instrument, parameter=index, hypothesis=own + k, alike=_alike(spec, instrument, index, pairs)
+            slot=first + instrument,
+            parameter=index,
+            hypothesis=own + k,
+            alike=alike,
+            gains=first + instrument if alike >= 0 else -1,
         )
         for k, (instrument, index) in enumerate(spec.mixed)
+        for alike in [_alike(spec, instrument, index, pairs)]
     )
+    mixed = {chosen: own + k for k, chosen in enumerate(spec.mixed)}
     two_instruments = (
-        Couple(slot=first + one, beside=first + two, hypothesis=own + len(spec.mixed) + k)
+        Couple(
+            slot=first + one,
+            beside=first + two,
+            hypothesis=own + len(spec.mixed) + k,
+            alike=mixed.get((other, _factor(spec, gaining)), -1),
+            gains=first + gaining if (other, _factor(spec, gaining)) in mixed else -1,
+        )
         for k, (one, two) in enumerate(spec.both)
+        for gaining, other in [(one, two) if _factor(spec, one) >= 0 else (two, one)]
     )
     singles = {chosen[0]: k for k, chosen in enumerate(spec.hypotheses) if len(chosen) == 1}
     both_steps = (
@@ -62,9 +77,14 @@ def plan_couples(spec: EngineSpec) -> tuple[Couple, ...]:
 
 def _alike(spec: EngineSpec, instrument: int, parameter: int, pairs: Sequence[tuple[tuple[int, ...], int]]) -> int:
     """Give the hypothesis of two parameters that looks as a gain of an input beside one of them does; -1: none."""
-    item = spec.instruments[instrument]
-    both = () if item.is_output else tuple(sorted((spec.inputs[item.index].factor, parameter)))
+    both = tuple(sorted((_factor(spec, instrument), parameter)))
     return next((k for chosen, k in pairs if tuple(sorted(chosen)) == both), -1)
+
+
+def _factor(spec: EngineSpec, instrument: int) -> int:
+    """Give the parameter with which alone an instrument acts, as a product, if it is such an input; -1: none."""
+    item = spec.instruments[instrument]
+    return -1 if item.is_output else spec.inputs[item.index].factor
 
 
 def n_coupled(spec: EngineSpec) -> tuple[int, int, int]:

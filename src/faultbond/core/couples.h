@@ -119,7 +119,7 @@ static void find_bases_of(Bank *bank, const double *old, Match *match)
    in ranking.h. */
 static void include_gain(Bank *bank, const double *old, Match *match)
 {
-    if (COUPLE_ALIKE[match->couple] < 0 || match->base[0] < 0 || SLOT_KIND[match->base[0]] == KIND_GAIN) return;
+    if (match->couple >= N_MIXED || COUPLE_ALIKE[match->couple] < 0 || match->base[0] < 0 || SLOT_KIND[match->base[0]] == KIND_GAIN) return;
     if (match->base[1] >= 0 && SLOT_KIND[match->base[1]] == KIND_GAIN) return;
     for (int64_t k = 0; k < SWITCHED; k++) {
         if (SLOT_HYPOTHESIS[k] != COUPLE_SLOT[match->couple] || SLOT_KIND[k] != KIND_GAIN) continue;

@@ -104,17 +104,23 @@ static double weight_of_gain(int64_t instrument)
     return weight;
 }
 
-/* Let a wrong gain of an input beside a parameter, and a step of the parameter with which alone the input acts, as a product,
-   beside it say what either says: they are the same, and lanes that begin elsewhere would tell them apart. */
+/* Let a wrong gain of an input, and a step of the parameter with which alone the input acts, as a product, say what either
+   says beside another suspect: they are the same, and lanes that begin elsewhere, or are not there, would tell them apart. Beside a
+   sensor of each of its kinds, since not all of them have a lane with that gain. */
 static void share_products(Ranking *ranking)
 {
-    for (int64_t couple = 0; couple < N_MIXED; couple++) {
+    for (int64_t couple = 0; couple < N_MIXED + N_BOTH; couple++) {
         if (COUPLE_ALIKE[couple] < 0) continue;
-        double *gain = &ranking->kinds[COUPLE_HYPOTHESIS[couple]][KIND_GAIN], *step = &ranking->kinds[COUPLE_ALIKE[couple]][KIND_STEP];
-        if (!(*gain > -INFINITY && *step > -INFINITY)) continue;
-        const double weight = weight_of_gain(COUPLE_SLOT[couple]), said = fmax(*step, *gain - weight);
-        *step = said;
-        *gain = said + weight;
+        double *own = ranking->kinds[COUPLE_HYPOTHESIS[couple]], *other = ranking->kinds[COUPLE_ALIKE[couple]];
+        const double weight = weight_of_gain(COUPLE_GAINS[couple]);
+        if (couple < N_MIXED) {
+            if (!(own[KIND_GAIN] > -INFINITY && other[KIND_STEP] > -INFINITY)) continue;
+            other[KIND_STEP] = fmax(other[KIND_STEP], own[KIND_GAIN] - weight);
+            own[KIND_GAIN] = other[KIND_STEP] + weight;
+            continue;
+        }
+        for (int kind = 0; kind < N_KINDS; kind++)
+            if (own[kind] > -INFINITY && other[kind] + weight > own[kind]) own[kind] = other[kind] + weight;
     }
 }
 

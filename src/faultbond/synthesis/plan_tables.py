@@ -181,7 +181,7 @@ def _slot_tables(spec: EngineSpec) -> Iterable[str]:
 
 def _couple_tables(spec: EngineSpec) -> Iterable[str]:
     couples = plan_couples(spec)
-    for name in ("slot", "parameter", "beside", "hypothesis", "alike"):
+    for name in ("slot", "parameter", "beside", "hypothesis", "alike", "gains"):
         yield integers(f"COUPLE_{name.upper()}", (getattr(item, name) for item in couples))
 
 

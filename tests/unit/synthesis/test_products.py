@@ -46,18 +46,25 @@ def test_which_input_acts_with_which_parameter(old: str, new: str, found: tuple[
     assert tuple("" if k < 0 else graph.parameters[k].name for k in factors) == found
 
 
-def test_a_gain_beside_a_parameter_is_alike_with_both_parameters() -> None:
-    """Of an input with such a parameter, beside each other one; beside the same one there is nothing alike."""
+def test_a_gain_beside_another_fault_is_alike_with_a_step_beside_it() -> None:
+    """Of an input with such a parameter, beside each other suspect; beside the parameter itself nothing is alike."""
     spec = build_engine(parse_model(TANK))[1].spec
     names = [item.name for item in spec.parameters]
+
+    def called(hypothesis: int) -> frozenset[str]:
+        found = {item.name for item in spec.instruments_in(hypothesis)} | {names[k] for k in spec.members(hypothesis)}
+        return frozenset(found if hypothesis >= 0 else ())
+
     found = {}
     for couple in plan_couples(spec):
-        if couple.beside < 0 and couple.slot >= len(spec.hypotheses):
-            (item,) = spec.instruments_in(couple.slot)
-            alike = tuple(sorted(names[k] for k in spec.members(couple.alike))) if couple.alike >= 0 else ()
-            found[item.name, names[couple.parameter]] = alike
-    assert found == {
-        **{(sensor, name): () for sensor in ("level", "drain") for name in names},
-        **{("speed", name): tuple(sorted({"G", name})) if name != "G" else () for name in names},
-        **{("valve", name): tuple(sorted({"K", name})) if name != "K" else () for name in names},
-    }
+        if couple.slot >= len(spec.hypotheses):
+            found[called(couple.hypothesis)] = called(couple.alike), called(couple.gains)
+    wanted: dict[frozenset[str], tuple[frozenset[str], frozenset[str]]] = {}
+    for both in found:
+        gaining = next((one for one in ("speed", "valve") if one in both), "")
+        factor = {"speed": "G", "valve": "K", "": ""}[gaining]
+        is_same = not gaining or factor in both
+        alike = frozenset() if is_same else both - {gaining} | {factor}
+        wanted[both] = alike, frozenset() if is_same else frozenset({gaining})
+    assert found == wanted
+    assert len(found) == 4 * 3 + 6
