@@ -9,7 +9,7 @@ from faultbond.arrays import FloatArray
 from faultbond.equations.constraint_network import build_network
 from faultbond.equations.step import StepModel
 from faultbond.fit.bend import bend_by
-from faultbond.fit.imperfections import TEMPERATURE, Imperfection, Kind, assignments
+from faultbond.fit.imperfections import TEMPERATURE, Imperfection, Kind, assignments, parameter_name
 from faultbond.model.expression import Binary, Call, Expression, Name, Number, names, rebuilt, walk
 from faultbond.model.graph import BondGraph, Check, Component
 from faultbond.model.parser import to_text
@@ -55,7 +55,7 @@ class _Law:
 
 
 def bendable_parameters(model: StepModel) -> tuple[Bendable, ...]:
-    """Give the parameters that may go with something: not those of stores, or of laws that keep power.
+    """Give the parameters that may go with something: of laws, but of stores or those that keep power, and of sensors.
 
     None goes with what its law gives, or that would have to be solved anew; where a law is part of a loop, with inputs
     alone. What a law raises to a power stands for all in it: a film that goes with a flow does so also where the flow
@@ -65,13 +65,13 @@ def bendable_parameters(model: StepModel) -> tuple[Bendable, ...]:
     found = []
     for item in model.plant.graph.parameters:
         own = [law for law in laws if item.name in law.parameters]
-        if own and all(law.bends for law in own):
+        if all(law.bends for law in own):
             found.append(_bendable(model.plant.graph, item.name, own))
-    return tuple(found)
+    return tuple(item for item in found if item.acts_on)
 
 
 def _bendable(graph: BondGraph, parameter: str, laws: Sequence[_Law]) -> Bendable:
-    inputs = [item.name for item in graph.inputs]
+    inputs, numbers = [item.name for item in graph.inputs], _numbers(graph)
     named = frozenset(name for law in laws for name in law.named)
     given = frozenset[str]().union(*(law.given for law in laws))
     is_ordered = all(law.given for law in laws)
@@ -81,7 +81,8 @@ def _bendable(graph: BondGraph, parameter: str, laws: Sequence[_Law]) -> Bendabl
     for law in laws:
         powers = [one for one in law.powers if parameter not in names(one) and not set(names(one)) & (named - free)]
         spoken += [*powers, *(Name(name) for name in (law.outside if powers else law.named) if name in free)]
-    spoken += [Name(name) for item in shown for name in names(item.reads) if name in inputs]
+    shown_by = [name for item in shown for name in names(item.reads) if name not in numbers]
+    spoken += [Name(name) for name in shown_by if name in inputs or not laws]
     within = {name for one in spoken for name in names(one)}
     near = [name for law in laws for name in law.near if is_ordered and name not in given | within]
     others = [_shown_of(graph, name, parameter) for name in inputs if name not in within]
@@ -97,7 +98,7 @@ def _bendable(graph: BondGraph, parameter: str, laws: Sequence[_Law]) -> Bendabl
 def _shown_of(graph: BondGraph, name: str, parameter: str) -> Expression:
     """Give what a sensor shows of an input, as the flow of a pump of its speed, where one does; else the input."""
     parameters = {item.name for item in graph.parameters}
-    known = parameters | {item.name for item in graph.inputs} | {item.name for item in graph.constants}
+    known = _numbers(graph) | {item.name for item in graph.inputs}
     for item in graph.sensors:
         read = set(names(item.reads))
         if name in read and read & parameters and read <= known - {parameter}:
@@ -105,11 +106,15 @@ def _shown_of(graph: BondGraph, name: str, parameter: str) -> Expression:
     return Name(name)
 
 
+def _numbers(graph: BondGraph) -> set[str]:
+    """Give the names that stand for numbers."""
+    return {item.name for item in graph.parameters} | {item.name for item in graph.constants}
+
+
 def _laws(model: StepModel) -> list[_Law]:
     graph, network = model.plant.graph, model.plant.network
     solved = {(item.owner, item.signal) for item in assignments(model.plant.steps)}
-    parameters = {item.name for item in graph.parameters}
-    numbers = parameters | {item.name for item in graph.constants}
+    parameters, numbers = {item.name for item in graph.parameters}, _numbers(graph)
     found = []
     for part in graph.components:
         residuals = [item.residual for item in network.constraints if item.owner == part.name]
@@ -184,10 +189,13 @@ def possible_curves(
     pairs = [(item, one) for item in items for one in item.spoken]
     pairs += [(item, one) for item in items for one in item.near]
     pairs += [(item, one) for item in items if item.acts_on & set(known_off) for one in item.others]
-    graph = model.plant.graph
-    numbers = {item.name for item in graph.parameters} | {item.name for item in graph.constants}
-    found = (_curve(item, one, courses.get(to_text(one), np.zeros(0)), numbers) for item, one in pairs)
-    return tuple(item for item in found if item is not None)[:MOST]
+    numbers = _numbers(model.plant.graph)
+    made = (_curve(item, one, courses.get(to_text(one), np.zeros(0)), numbers) for item, one in pairs)
+    found: dict[str, Imperfection] = {}  # by the name of the power; the first is that which a law raises to one
+    for curve in made:
+        if curve is not None:
+            found.setdefault(parameter_name(curve), curve)
+    return tuple(found.values())[:MOST]
 
 
 def _curve(item: Bendable, by: Expression, course: FloatArray, numbers: Collection[str]) -> Imperfection | None:

@@ -250,6 +250,8 @@ class Search:
         possible = possible_curves(self.all.model, self.all.signals_at(np.concatenate(rows)), off)
         own = {item.name for item in self.graph.parameters}
         new = [item for item in possible if item.place in own and parameter_name(item) not in stand.values]
+        if not new:
+            return []
         with suppress(StructureError):  # the equations may be left without an order in which to solve them
             tried = [power for item in new for power in powers_of(item)]
             gains = self.ground_with(stand, new, slopes=False).gains_of(stand, tried)

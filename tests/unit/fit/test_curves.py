@@ -163,6 +163,25 @@ def test_parameters_go_with_what_their_laws_do_not_give() -> None:
     assert blocks == {"H": (["n"], [], []), "R": (["P"], [], ["H*n"])}  # which a sensor shows
 
 
+def test_a_constant_of_a_meter_may_go_with_what_it_measures() -> None:
+    """Of a sensor with a parameter of its own; a parameter that nothing names goes with nothing."""
+    text = COOLER.replace("{h: 250 W/K}", "{h: 250 W/K, c: 2, d: 3}").replace("**0.8*e", "**0.8*(1 + 0*d)*e")
+    text = text.replace("reads: metal_side.e, unit: degC", "reads: c*metal_side.e - load/usual_load, unit: K")
+    graph = parse_model(text.replace("{usual: 20 l/min}", "{usual: 20 l/min, usual_load: 4000 W/K}"))
+    found = {item.parameter: item for item in bendable_parameters(build_step_model(build_plant(graph)))}
+    assert found["c"].acts_on == {"t_metal"}
+    assert [to_text(one) for one in found["c"].spoken] == ["metal_side.e", "load"]
+
+
+def test_two_curves_have_two_names() -> None:
+    """What a law raises to a power, and an input in it that stands elsewhere too: only the former is tried."""
+    graph = parse_model(COOLER.replace("(flow/usual)**0.8*e", "(flow/usual)**0.8*(1 + flow/usual)*e"))
+    model = build_step_model(build_plant(graph))
+    found = [item for item in possible_curves(model, courses_of(model), ()) if item.place == "h"]
+    assert [item.by for item in found] == ["flow/usual", "film.e", "metal_side.e"]
+    assert len({parameter_name(item) for item in found}) == len(found)
+
+
 def test_a_fault_of_a_flow_moves_what_goes_with_it() -> None:
     """A film goes with the flow, not with the speed of the pump: with what its law or a sensor says the flow is."""
     by_law = COOLER.replace("(flow/usual)", "(G*flow/usual)").replace("{h: 250 W/K}", "{h: 250 W/K, G: 1}")
