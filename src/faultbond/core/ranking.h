@@ -106,11 +106,12 @@ static double weight_of_gain(int64_t instrument)
 
 /* Let a wrong gain of an input, and a step of the parameter with which alone the input acts, as a product, say what either
    says beside another suspect: they are the same, and lanes that begin elsewhere, or are not there, would tell them apart. Beside a
-   sensor of each of its kinds, since not all of them have a lane with that gain. */
-static void share_products(Ranking *ranking)
+   sensor of each of its kinds, since not all of them have a lane with that gain. What is ruled out stays so. */
+static void share_products(const Bank *bank, int out, Ranking *ranking)
 {
     for (int64_t couple = 0; couple < N_MIXED + N_BOTH; couple++) {
         if (COUPLE_ALIKE[couple] < 0) continue;
+        if (is_out(bank, out, COUPLE_HYPOTHESIS[couple]) || is_out(bank, out, COUPLE_ALIKE[couple])) continue;
         double *own = ranking->kinds[COUPLE_HYPOTHESIS[couple]], *other = ranking->kinds[COUPLE_ALIKE[couple]];
         const double weight = weight_of_gain(COUPLE_GAINS[couple]);
         if (couple < N_MIXED) {
@@ -143,7 +144,7 @@ static void score_all(const State *state, int out, Ranking *ranking)
         double *total = &ranking->kinds[hypothesis_of(bank, lane)][kind_of(bank, lane)];
         *total = log_add(*total, ranking->weighted[lane]);
     }
-    share_products(ranking);
+    share_products(bank, out, ranking);
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
         const double *kinds = ranking->kinds[k];
         double total = kinds[0];

@@ -180,7 +180,10 @@ GAUGE = Fault(parameter="p1.bias", value=20e3, start=1400.0)
     ],
 )
 def test_a_gain_of_an_input_and_a_factor_beside_it_are_alike(gain: Fault, beside: Fault, names: list[set[str]]) -> None:
-    """Of G*speed nothing tells which changed, also beside a further fault: neither is sure, as each by itself."""
+    """Of G*speed nothing tells which changed, also beside a further fault: neither is sure, as each by itself.
+
+    Which of them somebody has ruled out stays so, whatever the other says.
+    """
     graph = parse_model(AIR, "model.yaml")
     time, random = np.asarray(2.0 * np.arange(1500), dtype=np.float64), np.random.default_rng(3)
     values = np.column_stack([random_steps(time, random, low=40, high=95, shortest=60, longest=300) for _ in "12"])
@@ -190,6 +193,12 @@ def test_a_gain_of_an_input_and_a_factor_beside_it_are_alike(gain: Fault, beside
     assert [{item.parameter.partition(".")[0] for item in one.suspects} for one in (first, second)] == names
     assert second.group
     assert 0.05 < second.probability < 0.5 < first.probability < 0.95
+    for out, left in ((first, second), (second, first)):
+        rejecting = monitor.copy()
+        rejecting.reject(out.hypothesis)
+        likeliest, *others = rejecting.conclude().candidates
+        assert likeliest.hypothesis == left.hypothesis
+        assert all(item.probability == 0.0 for item in others if item.hypothesis == out.hypothesis)
 
 
 def test_a_parameter_begins_where_it_can_be() -> None:
