@@ -1,6 +1,6 @@
 """Parameters that go with a signal, as laws do not say: which, with what, by about which power."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from faultbond.equations.constraint_network import build_network
 from faultbond.equations.step import StepModel
 from faultbond.fit.bend import bend_by
 from faultbond.fit.imperfections import TEMPERATURE, Imperfection, Kind, assignments, parameter_name
-from faultbond.model.expression import Binary, Call, Expression, Name, Number, names, rebuilt, walk
+from faultbond.model.expression import Expression, Name, Number, names, powers, rebuilt
 from faultbond.model.graph import BondGraph, Check, Component
 from faultbond.model.parser import to_text
 from faultbond.types import CheckKind, ElementType
@@ -42,13 +42,13 @@ class Bendable:
 class _Law:
     """A law by its canonical signals and inputs, those that it is solved for, and stores at its ports.
 
-    powers : what it raises to a power, of more than a name; outside : signals and inputs that stand elsewhere
+    bases : what it raises to a power, of more than a name; outside : signals and inputs that stand elsewhere
     """
 
     parameters: frozenset[str]
     named: tuple[str, ...]
     given: frozenset[str]
-    powers: tuple[Expression, ...]
+    bases: tuple[Expression, ...]
     outside: tuple[str, ...]
     near: tuple[str, ...]
     bends: bool
@@ -79,8 +79,8 @@ def _bendable(graph: BondGraph, parameter: str, laws: Sequence[_Law]) -> Bendabl
     shown = [item for item in graph.sensors if parameter in names(item.reads)]
     spoken: list[Expression] = []
     for law in laws:
-        powers = [one for one in law.powers if parameter not in names(one) and not set(names(one)) & (named - free)]
-        spoken += [*powers, *(Name(name) for name in (law.outside if powers else law.named) if name in free)]
+        bases = [one for one in law.bases if parameter not in names(one) and not set(names(one)) & (named - free)]
+        spoken += [*bases, *(Name(name) for name in (law.outside if bases else law.named) if name in free)]
     shown_by = [name for item in shown for name in names(item.reads) if name not in numbers]
     spoken += [Name(name) for name in shown_by if name in inputs or not laws]
     within = {name for one in spoken for name in names(one)}
@@ -119,9 +119,9 @@ def _laws(model: StepModel) -> list[_Law]:
     for part in graph.components:
         residuals = [item.residual for item in network.constraints if item.owner == part.name]
         for law, residual in zip(part.laws, residuals, strict=True):
-            raised = dict(_powers(residual))
+            raised = dict(powers(residual))
             exponents = {name for one in raised.values() for name in names(one)}
-            powers = [one for one in raised if not isinstance(one, Name) and set(names(one)) - numbers]
+            bases = [one for one in raised if not isinstance(one, Name) and set(names(one)) - numbers]
             named = tuple(name for name in names(residual) if name not in numbers)
             degrees = any(graph.signal_unit(name).text == TEMPERATURE for name in names(law.left))
             found.append(
@@ -129,23 +129,13 @@ def _laws(model: StepModel) -> list[_Law]:
                     parameters=frozenset(parameters & set(names(residual)) - exponents),
                     named=named,
                     given=frozenset(name for name in named if (part.name, name) in solved),
-                    powers=tuple(powers),
-                    outside=tuple(name for name in names(_without(residual, powers)) if name in named),
+                    bases=tuple(bases),
+                    outside=tuple(name for name in names(_without(residual, bases)) if name in named),
                     near=_near(model, part),
                     bends=part.type in BENDABLE and not law.store and not degrees,  # a part of degrees is nothing
                 )
             )
     return found
-
-
-def _powers(expression: Expression) -> Iterator[tuple[Expression, Expression]]:
-    """Give what is raised to a power, and the power."""
-    for one in walk(expression):
-        match one:
-            case Binary("**", base, power):
-                yield base, power
-            case Call("sqrt", (base,)):
-                yield base, Number(0.5)
 
 
 def _without(expression: Expression, parts: Collection[Expression]) -> Expression:

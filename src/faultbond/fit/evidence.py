@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from faultbond.arrays import FloatArray, IntArray
+from faultbond.arrays import FloatArray
 from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.objective import BLOCK, LOG_2_PI, FitPoint, FittedPlant, likelihood_value
 from faultbond.fit.samples import HealthyRecording
@@ -70,23 +70,15 @@ def _begun(plant: FittedPlant, start: FloatArray, declared: FloatArray) -> Float
     return np.array(held).T
 
 
-def moments_of(record: HealthyRecording, most: int = _PLACES) -> IntArray:
-    """Give the rows of a recording at which signals are looked at, (n_moments,), evenly spread."""
-    return np.unique(np.linspace(0, len(record.time), most + 1).astype(np.intp))[1:] - 1
-
-
-def joint_courses(
-    plant: FittedPlant, record: HealthyRecording, start: FloatArray, q: FloatArray, moments: IntArray | None = None
-) -> FloatArray:
+def joint_courses(plant: FittedPlant, record: HealthyRecording, start: FloatArray, q: FloatArray) -> FloatArray:
     """Give inputs and joint vectors [x, b, factors, input noise] at some moments, (n_moments, n_u + n_v).
 
     The engine of the plant gives no slopes.
     """
     layout, lanes, found = plant.layout, _begun(plant, start, q[None]), []
     n_known = layout.n_x + layout.n_b
-    rows = moments_of(record) if moments is None else moments
-    ends = [0, *(rows + 1).tolist()]
-    for first, last in pairwise(ends):
+    ends = np.unique(np.linspace(0, len(record.time), _PLACES + 1).astype(int))
+    for first, last in pairwise(ends.tolist()):
         lanes = plant.engine.advance(_NONE, lanes, record.samples[first:last]).lanes
         mean = lanes[: layout.n_mean, 0]
         found.append(np.concatenate([record.u[last - 1], mean[:n_known], q[: layout.n_p], mean[n_known:]]))

@@ -16,7 +16,7 @@ from faultbond.equations.sequence import Assignment, Step
 from faultbond.equations.step import StepModel
 from faultbond.fit.bend import Bend
 from faultbond.fit.likelihood import Layout
-from faultbond.model.expression import Binary, Expression, Name, names, rebuilt, walk
+from faultbond.model.expression import Binary, Expression, Name, names, powers, rebuilt
 from faultbond.model.graph import BondGraph, Component, Parameter, Relation, SlowError, Unit
 from faultbond.model.parser import to_text
 from faultbond.types import Hold
@@ -83,7 +83,7 @@ class Imperfection:
     @property
     def is_parameter(self) -> bool:
         """Whether it is a further parameter of the plant."""
-        return self.kind in (Kind.LAG, Kind.OFFSET, Kind.CURVE)
+        return self.kind is Kind.LAG or self.kind in TERMS
 
     @property
     def is_late(self) -> bool:
@@ -187,8 +187,7 @@ def _unseen(graph: BondGraph) -> Iterator[str]:
     """
     nominals = {item.name: item.nominal for item in graph.parameters}
     laws = (law.right for item in graph.components for law in item.laws)
-    raised = (one for law in laws for one in walk(law) if isinstance(one, Binary) and one.operator == "**")
-    exponents = {name for one in raised for name in names(one.right)}
+    exponents = {name for law in laws for _, power in powers(law) for name in names(power)}
     for item in graph.components:
         stores = item.type.is_store or any(law.store for law in item.laws)
         if stores or len(item.parameters) > 1:
@@ -323,7 +322,7 @@ def without_curve(graph: BondGraph, item: Imperfection) -> BondGraph:
     factor = item.bend.factor(name) if item.bend else Name(name)
 
     def straight(one: Expression) -> Expression:
-        return one.left if isinstance(one, Binary) and one.right == factor else one
+        return one.left if isinstance(one, Binary) and (one.operator, one.right) == ("*", factor) else one
 
     parameters = tuple(known for known in graph.parameters if known.name != name)
     return _rewritten(replace(graph, parameters=parameters), straight)

@@ -96,14 +96,14 @@ def names(expression: Expression) -> tuple[str, ...]:
     return tuple(dict.fromkeys(part.text for part in walk(expression) if isinstance(part, Name)))
 
 
-def power_of(expression: Expression, base: Expression) -> float | None:
-    """Give the number to whose power a base stands in an expression; None where it does not, or in several."""
-    found = {
-        one.right.value
-        for one in walk(expression)
-        if isinstance(one, Binary) and one.operator == "**" and one.left == base and isinstance(one.right, Number)
-    }
-    return found.pop() if len(found) == 1 else None
+def powers(expression: Expression) -> Iterator[tuple[Expression, Expression]]:
+    """Give what is raised to a power in an expression, and the power; of a root that is a half."""
+    for part in walk(expression):
+        match part:
+            case Binary("**", base, power):
+                yield base, power
+            case Call("sqrt", (base,)):
+                yield base, Number(0.5)
 
 
 def rebuilt(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:

@@ -10,7 +10,7 @@ from faultbond.errors import ModelError
 from faultbond.model.graph import BondGraph
 from faultbond.model.parser import number_text
 
-_MARK = "# Fitted to "
+MARK = "# Fitted to "  # how the first line begins
 _NUMBER = re.compile(r"\s*[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 
 
@@ -68,9 +68,9 @@ def rewrite(
         edits.append(_put(node, " + ".join(_scaled(part, size.times) for part in str(node.value).split(" + "))))
     for first, end, new in sorted(edits, reverse=True, key=lambda edit: edit[0]):
         text = text[:first] + new + text[end:]
-    if remark and text.startswith(_MARK):
+    if remark and text.startswith(MARK):
         text = text.partition("\n")[2]
-    return f"{_MARK}{remark}\n{text}" if remark else text
+    return f"{MARK}{remark}\n{text}" if remark else text
 
 
 def _scaled(text: str, times: float) -> str:

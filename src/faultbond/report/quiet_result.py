@@ -16,10 +16,10 @@ from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.trial import Health
 from faultbond.model.amend import Path, amended
 from faultbond.model.dump import law_text, scalar_text
-from faultbond.model.expression import power_of
+from faultbond.model.expression import Number, powers
 from faultbond.model.graph import BondGraph, SlowError, Unit
 from faultbond.model.parser import to_text
-from faultbond.model.rewrite import NewSize, parameter_path, rewrite
+from faultbond.model.rewrite import MARK, NewSize, parameter_path, rewrite
 from faultbond.report.analysis import heat_lines
 from faultbond.report.console import lines, table, title, under
 from faultbond.report.doubts import stray_records
@@ -324,11 +324,11 @@ def _curve_words(graph: BondGraph, item: Imperfection) -> str:
     usual = f"{short(unit.from_si(bend.usual))} {unit_text(unit.text)}".rstrip()
     if not bend.least:
         return f"{item.place} is exp({power} {item.by}/{usual}) times what it is where {item.by} is 0"
-    laws = [law.right for part in graph.components if item.place in part.parameters for law in part.laws]
-    stated = {power_of(law, bend.by) for law in laws} - {None}
-    whole = "".join(
-        f", so with {known + item.size:.3g} where it has {known:g}" for known in stated if known is not None
-    )
+    laws = (law.right for part in graph.components if item.place in part.parameters for law in part.laws)
+    stated = {
+        known.value for law in laws for base, known in powers(law) if base == bend.by and isinstance(known, Number)
+    }
+    whole = "".join(f", so with {known + item.size:.3g} where it has {known:g}" for known in stated)
     size = f"the size of {item.by}" if bend.signed else item.by
     return (
         f"{item.place} goes with {size} to the power {power}, beside what its law says{whole}; "
@@ -339,7 +339,7 @@ def _curve_words(graph: BondGraph, item: Imperfection) -> str:
 def told_in_file(found: Quieted) -> str:
     """Give the model text with what was added and raised in its first line, which tells of the fit."""
     first, line_end, rest = found.text.partition("\n")
-    if not first.startswith("# "):
+    if not first.startswith(MARK):
         return found.text
     added = [item.what.words for item in found.added]
     raised = [f"{item.what} {item.times:.2g} times" for item in found.raised]
