@@ -23,9 +23,9 @@ def factors_of_inputs(plant: Plant) -> tuple[int, ...]:
     function = ca.Function("values", [plant.x, plant.u, plant.theta, plant.b, plant.z], [ca.densify(values)])
     points = list(_points(plant))
     found = []
-    for k, item in enumerate(plant.graph.inputs):
+    for k in range(len(plant.graph.inputs)):
         named = (j for j, known in enumerate(plant.graph.parameters) if known.suspect and known.nominal != 0.0)
-        alike = (j for j in named if not item.lag and all(_is_product(function, point, k, j) for point in points))
+        alike = (j for j in named if all(_is_product(function, point, k, j) for point in points))
         found.append(next(alike, -1))
     return tuple(found)
 
