@@ -208,25 +208,26 @@ static double sum_of_squares(const double *of, int64_t n)
     return sum;
 }
 
+/* Whether a plant has run away, or a law has no value. */
+static int is_lost(const double *misfit, int64_t n)
+{
+    for (int64_t k = 0; k < n; k++)
+        if (fabs(misfit[k]) >= RUN_AWAY) return 1;
+    return 0;
+}
+
 /* Whether all laws have values at `from`; the misfits there go to `base`. */
 static int has_values(double *base, SolveMemory *memory)
 {
     ask(memory->from, 0, 0.0, base, memory);
     answer(memory);
-    for (int64_t k = 0; k < memory->n_readings; k++)
-        if (fabs(base[k]) >= RUN_AWAY) return 0;
-    return 1;
+    return !is_lost(base, memory->n_readings);
 }
 
-/* Set `from` to where laws have values: as stated, else where the plant settles, else the decade of the unknown states in which
-   the readings are nearest. */
-static void find_footing(const int *unknown, int n, double *base, SolveMemory *memory)
+/* Set `from` to the decade of the unknown states in which the readings are nearest. */
+static void find_decade(const int *unknown, int n, double *base, SolveMemory *memory)
 {
     double least = INFINITY, tried = LEAST_TRIED, nearest = LEAST_TRIED;
-    memcpy(memory->from, START_MEAN, sizeof memory->from);
-    if (has_values(base, memory)) return;
-    memcpy(memory->from, memory->centre, sizeof memory->from);
-    if (has_values(base, memory)) return;
     for (int decade = 0; decade <= DECADES; decade++) {
         const double at = decade < DECADES ? tried : nearest;
         for (int c = 0; c < n; c++) memory->from[unknown[c]] = START_MEAN[unknown[c]] + at * (1.0 + UNEQUAL * (double)(n - c));
@@ -240,8 +241,32 @@ static void find_footing(const int *unknown, int n, double *base, SolveMemory *m
     }
 }
 
+/* The size of each unknown state at which it would explain outputs, `total` sd of the noise on the whole, and its `effect` with
+   it, by secants from `from`. Gives whether laws have values there. */
+static int follow_secants(const int *unknown, int n, double total, const double *base, double *effect, SolveMemory *memory)
+{
+    double *size = memory->size;
+    int lost = 0;
+    for (int c = 0; c < n; c++) size[unknown[c]] = 1.0;
+    for (int secant = 0; secant < START_SECANTS; secant++) {
+        for (int c = 0; c < n; c++) ask(memory->from, unknown[c], size[unknown[c]], memory->guesses[0].slope[c], memory);
+        answer(memory);
+        for (int c = 0; c < n; c++) {
+            double *slope = memory->guesses[0].slope[c], *own = &size[unknown[c]];
+            lost |= secant >= START_SECANTS - 2 && is_lost(slope, memory->n_readings);
+            for (int64_t k = 0; k < memory->n_readings; k++) slope[k] = (slope[k] - base[k]) / *own;
+            effect[c] = sqrt(sum_of_squares(slope, memory->n_readings)) * *own;
+            const double factor = total / (effect[c] < 1e-300 ? 1e-300 : effect[c]);
+            *own *= factor < 1e-3 ? 1e-3 : factor > 1e3 ? 1e3 : factor;
+        }
+    }
+    return !lost;
+}
+
 /* The size of each unknown state at which it would explain outputs as large as the measured ones. By secants of
-   that size, not by slopes: at rest the slope of a turbulent flow says nothing about the plant in use. */
+   that size, not by slopes: at rest the slope of a turbulent flow says nothing about the plant in use. Begun where laws have
+   values, there and nearby: as stated, else where the plant settles, else where the readings are nearest. Between equal
+   pressures a flow has no slope: there a plant may have values where it begins and nowhere else. */
 static void find_sizes(double (*samples)[N_SAMPLE], const int *unknown, int n, SolveMemory *memory)
 {
     double *base = memory->guesses[0].misfit, *size = memory->size, squares = 0.0, effect[FB_ROOM(N_STATES)];
@@ -250,18 +275,16 @@ static void find_sizes(double (*samples)[N_SAMPLE], const int *unknown, int n, S
             const double measured = samples[t][SAMPLE_Y + j] * samples[t][SAMPLE_USE + j] / OUTPUT_NOISE[j];
             squares += measured * measured;
         }
-    const double total = sqrt(squares) + sqrt((double)memory->n_readings);
-    find_footing(unknown, n, base, memory);
-    for (int secant = 0; secant < START_SECANTS; secant++) {
-        for (int c = 0; c < n; c++) ask(memory->from, unknown[c], size[unknown[c]], memory->guesses[0].slope[c], memory);
-        answer(memory);
-        for (int c = 0; c < n; c++) {
-            double *slope = memory->guesses[0].slope[c], *own = &size[unknown[c]];
-            for (int64_t k = 0; k < memory->n_readings; k++) slope[k] = (slope[k] - base[k]) / *own;
-            effect[c] = sqrt(sum_of_squares(slope, memory->n_readings)) * *own;
-            const double factor = total / (effect[c] < 1e-300 ? 1e-300 : effect[c]);
-            *own *= factor < 1e-3 ? 1e-3 : factor > 1e3 ? 1e3 : factor;
-        }
+    const double total = sqrt(squares) + sqrt((double)memory->n_readings), *const footings[] = {START_MEAN, memory->centre};
+    int found = 0;
+    for (int k = 0; k < 2 && !found; k++) {
+        memcpy(memory->from, footings[k], sizeof memory->from);
+        found = has_values(base, memory) && follow_secants(unknown, n, total, base, effect, memory);
+    }
+    if (!found) {
+        memcpy(memory->from, memory->centre, sizeof memory->from);
+        find_decade(unknown, n, base, memory);
+        follow_secants(unknown, n, total, base, effect, memory);
     }
     for (int c = 0; c < n; c++) {
         double *own = &size[unknown[c]], usual = fabs(memory->centre[unknown[c]]);
@@ -513,10 +536,7 @@ static void know_beforehand(double (*samples)[N_SAMPLE], const double *sd, const
         memory->centre[i] = START_MEAN[i];
         memory->size[i] = sd[i];
     }
-    for (int c = 0; c < n_unknown; c++) {
-        memory->centre[unknown[c]] = settled[unknown[c]];
-        memory->size[unknown[c]] = 1.0;
-    }
+    for (int c = 0; c < n_unknown; c++) memory->centre[unknown[c]] = settled[unknown[c]];
     find_sizes(samples, unknown, n_unknown, memory);
     memory->n_free = 0;
     for (int i = 0; i < N_STATES; i++) {

@@ -226,3 +226,47 @@ def test_laws_without_a_value_where_all_is_empty(law: str, noise: float) -> None
     assert [state.name for state in spec.states] == ["a.e", "b.e"]
     assert np.all(np.abs(mean - [7.2e5, 7.0e5]) < 4.0 * np.sqrt(np.diag(covariance)))
     assert np.all(np.abs(mean - [7.2e5, 7.0e5]) < 1e5 * noise)
+
+
+NETWORK = """
+name: compressed air for two halls
+sample_time: 1 s
+inputs: {speed: {unit: percent}, users: {}}
+constants: {full: 100 percent, ambient: 101325 Pa}
+components:
+  compressor: {type: Sf, law: f = Q*speed/full, parameters: {Q: 0.125 m^3/s}}
+  receiver: {type: C, law: q = C1*e, parameters: {C1: 3e-5 m^3/Pa}}
+  dryer: {type: R, law: e = Kd*f*abs(f), parameters: {Kd: 4.5e6 Pa*s^2/m^6}}
+  near: {type: C, law: q = C2*e, parameters: {C2: 1.3e-5 m^3/Pa}}
+  presses: {type: Sf, law: f = G*users, parameters: {G: 0.0055 m^3/s}}
+  leaks: {type: R, law: f = L*(e + ambient), parameters: {L: 7.5e-9 m^3/s/Pa}}
+  pipe: {type: R, law: e = Kp*f*abs(f), parameters: {Kp: 1.4e7 Pa*s^2/m^6}}
+  far: {type: C, law: q = C3*e, parameters: {C3: 8e-6 m^3/Pa}}
+  nozzle: {type: R, law: f = Kn*(e + ambient), parameters: {Kn: 4.3e-8 m^3/s/Pa}}
+junctions: {a: 0, dry: 1, b: 0, ring: 1, c: 0}
+bonds: [compressor -> a -> receiver, a -> dry -> b -> near, dry -> dryer, b -> presses, b -> leaks, b -> ring -> c -> far,
+  ring -> pipe, c -> nozzle]
+sensors:
+  p1: {reads: a.e, unit: kPa, noise: 3 kPa}
+  p2: {reads: b.e, unit: kPa, noise: 3 kPa}
+  p3: {reads: c.e, unit: kPa, noise: 3 kPa}
+"""
+
+
+@pytest.mark.parametrize("capacity", ["7.9e-6", "8.0e-6", "8.1e-6", "8.3e-6", "8.6e-6"])
+def test_where_only_the_very_zero_has_values_a_start_is_sought_from_elsewhere(capacity: str) -> None:
+    """Between equal pressures a turbulent flow has no slope: all at zero the plant has a course, one at 1 Pa it has none.
+
+    By rounding, so that one capacity does and another does not. No state stays at zero where its sensor reads 680 kPa.
+    """
+    graph = parse_model(NETWORK.replace("8e-6", capacity))
+    spec, core = build_engine(graph)
+    time = np.asarray(np.arange(START_SAMPLES) * 1.0, dtype=np.float64)
+    inputs = Inputs(time=time, values=np.tile([0.62, 7.0], (len(time), 1)))
+    true = {"receiver.q": 3e-5 * 720e3, "near.q": 1.3e-5 * 695e3, "far.q": float(capacity) * 680e3}
+    made = simulate(graph, inputs, seed=1, start=true)
+    samples = [Sample(time=t, dt=1.0, u=u, y=y) for t, u, y in zip(time, made.inputs, made.outputs, strict=True)]
+    mean, covariance = solved(core, packed(spec, tuple(samples)))
+    assert [state.name for state in spec.states] == ["a.e", "b.e", "c.e"]
+    assert np.all(np.abs(mean - made.outputs[0]) < 6.0 * 3e3)
+    assert np.all(np.sqrt(np.diag(covariance)) < 20e3)
