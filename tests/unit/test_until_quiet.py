@@ -142,10 +142,11 @@ def no_sizes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("no_sizes")
-def test_a_lag_is_found_where_it_is(model: Path, tmp_path: Path) -> None:
+def test_a_lag_is_found_where_it_is(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A sensor lags: that is added with its time constant, nothing else; noise is that of the sensor.
 
-    In a linear circuit a lag of the voltage shows alike; whichever is taken, the other is named.
+    In a linear circuit a lag of the voltage shows alike; whichever is taken, the other is named. What was added had no
+    value before, so the text gives none, and no change from it.
     """
     recordings = [write(tmp_path / f"{k}.csv", seed=k, lag=0.12) for k in (1, 2)]
     found = records(tmp_path, model, *recordings, "-o", tmp_path / "new.yaml")
@@ -160,6 +161,10 @@ def test_a_lag_is_found_where_it_is(model: Path, tmp_path: Path) -> None:
     assert graph.sensors[0].noise == pytest.approx(NOISE, rel=0.1)
     text = (tmp_path / "new.yaml").read_text(encoding="utf-8")
     assert "# winding\n" in text
+    (row,) = (line for line in capsys.readouterr().out.splitlines() if line.split()[:1] == [f"{added['of']}_lag"])
+    assert row.split()[1:3] == [added["of"], "added"]
+    assert row.split()[6] == "s"  # estimate ± sd
+    assert row.split()[7:] == ["1", "%", "yes"]  # accuracy, and no change before it
 
 
 @pytest.mark.usefixtures("no_sizes")

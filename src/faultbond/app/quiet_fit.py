@@ -3,6 +3,7 @@
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from math import inf
 
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
 from faultbond.app.engine import build_watcher
@@ -190,13 +191,18 @@ def _searched(
     """
     tried: Attempt | None = None
     prior = Prior(wishes.prior)
-    asked = {item.name for item in graph.parameters} if prior is Prior.NONE else set[str]()  # which may stray
+    may_stray = (item.name for item in graph.parameters) if prior is Prior.NONE else ()
+    asked = dict.fromkeys(may_stray, inf)
     for rounds in range(ROUNDS + 1):
+        better = None
         if _seems_quiet(stand, read, tell):
-            tried, now = yield from _attempt(stand, now, text, graph, read, wishes, search.believed, tell)
-            if tried.quiet:
-                return tried, now
-        better = _next(search, stand, asked) if rounds < ROUNDS else None
+            better = _cured(search, stand, asked, again=True) if rounds < ROUNDS else None
+            if better is None:
+                tried, now = yield from _attempt(stand, now, text, graph, read, wishes, search.believed, tell)
+                if tried.quiet:
+                    return tried, now
+        if better is None and rounds < ROUNDS:
+            better = _next(search, stand, asked)
         if better is None:
             break
         new, gain = better.added[len(stand.added) :], better.held - stand.held
@@ -216,16 +222,42 @@ def _as_it_stands(search: Search, stand: Footing, now: Quieted, text: str, graph
     """
     with_added = amended_text(text, graph, stand.added)
     first = parse_model(with_added, file=graph.file)
-    fitted = fitted_model(first, search.fit_of(first, stand, prior), now.fitted.version)
+    fitted = _fitted(first, graph, search.fit_of(first, stand, prior), now)
     written = fitted.model_text(with_added)
     return replace(now, fitted=fitted, text=written, added=stand.added, raised=(), lowered=(), health=None, alarms={})
 
 
-def _next(search: Search, stand: Footing, asked: set[str]) -> Footing | None:
+def _fitted(graph: BondGraph, stated: BondGraph, found: Fit, now: Quieted) -> Fitted:
+    """Give what a fit means for a plant with what was added to the one that was stated."""
+    return replace(fitted_model(graph, found, now.fitted.version), added=_further(graph, stated))
+
+
+def _further(graph: BondGraph, stated: BondGraph) -> frozenset[str]:
+    """Give the parameters that were added to a plant."""
+    return frozenset(item.name for item in graph.parameters) - {item.name for item in stated.parameters}
+
+
+def _next(search: Search, stand: Footing, asked: dict[str, float]) -> Footing | None:
     """Give where the next thing leads: what explains why parameters stray, a law's offset, else what foretells best."""
-    names = strayed(search, stand) - asked
-    asked |= names
-    return (cured(search, stand) if names else None) or centred(search, stand) or better(search, stand)
+    return (
+        _cured(search, stand, asked)
+        or centred(search, stand)
+        or better(search, stand)
+        or _cured(search, stand, asked, again=True)
+    )
+
+
+def _cured(search: Search, stand: Footing, asked: dict[str, float], *, again: bool = False) -> Footing | None:
+    """Give where what explains why parameters stray leads, asked once, or `again` if something was added since.
+
+    What is missing elsewhere hides it, so it is asked again at the end.
+
+    asked : what each parameter was asked beside, things that were added; filled in
+    """
+    number = len(stand.added)
+    names = [name for name in strayed(search, stand) if asked.get(name, -1) < (number if again else 0)]
+    asked |= dict.fromkeys(names, number)
+    return cured(search, stand) if names else None
 
 
 def _seems_quiet(stand: Footing, read: Recordings, tell: Tell) -> bool:
@@ -255,8 +287,7 @@ def _attempt(
     with_added = amended_text(text, graph, stand.added)
     first = parse_model(with_added, file=graph.file)
     core, model = build_watcher(first), build_model(first)
-    lags = {item.name for item in first.parameters} - {item.name for item in graph.parameters}
-    free = None if wishes.free is None else (*wishes.free, *sorted(lags))
+    free = None if wishes.free is None else (*wishes.free, *sorted(_further(first, graph)))
     parameters = free_parameters(first, wishes.fixed, free, wishes.own)
     plant, records, begin = build_fit(model, likelihood_engine(model), core, read, parameters, wishes.own)
     begin = replace(begin, values=values_of(plant, stand))
@@ -271,7 +302,7 @@ def _attempt(
         seed=wishes.seed,
         tell=lambda step: tell(f"{what}: {step}"),
     )
-    fitted = fitted_model(first, found, core.spec.version)
+    fitted = _fitted(first, graph, found, now)
     now = replace(now, fitted=fitted, text=fitted.model_text(with_added), raised=(), lowered=(), health=None, alarms={})
     yield now
     tell("asking how far parameters seem to move while healthy")

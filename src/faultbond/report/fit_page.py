@@ -14,7 +14,7 @@ from faultbond.report.fit_result import (
     doubt_sentences,
     fit_verdict,
     noise_rows,
-    parameter_row,
+    parameter_rows,
     remarks,
     size_lines,
 )
@@ -61,7 +61,7 @@ def render_fit(fitted: Fitted, graph: BondGraph, quieted: Quieted | None = None)
                 ("Contradicted", str(len(found.contradicted)), "accuracies declared too small"),
             ],
             "header": HEADER,
-            "rows": [parameter_row(item) for item in fitted.estimates],
+            "rows": parameter_rows(fitted),
             "remarks": labelled(remarks(fitted)),
             "parts": [(part, labelled(part.lines)) for part in quiet_parts(graph, quieted)] if quieted else [],
             "noises": list(noise_rows(fitted)),

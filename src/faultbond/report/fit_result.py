@@ -61,6 +61,7 @@ class Fitted:
     healthy_changes: standard deviations by which parameters seem to change, and instruments to be off, healthy, SI
     strays: parameters that the fit puts far outside what was declared
     apart: whether it is left out how fitted parameters go together, as they do not while healthy
+    added: parameters that no file declared, but a search for what is missing
     alarms: when the fitted model alarms on the recordings, s, by their names; None: it was not asked
     """
 
@@ -74,6 +75,7 @@ class Fitted:
     healthy_changes: Mapping[str, float] = field(default_factory=dict)
     strays: tuple[Stray, ...] = ()
     apart: bool = False
+    added: frozenset[str] = frozenset()
     alarms: Mapping[str, float] | None = None
 
     @property
@@ -333,7 +335,7 @@ def print_fit(console: Console, fitted: Fitted, output: Path | None) -> None:
     lines(console, data)
     if fitted.estimates:
         title(console, "Parameters")
-        table(console, HEADER, [parameter_row(item) for item in fitted.estimates])
+        table(console, HEADER, parameter_rows(fitted))
         lines(console, remarks(fitted))
     rows = fitted.graph.rows_per_sample
     title(console, "Noise and what is left", f"noise of means of {rows} rows" if rows > 1 else "")
@@ -348,17 +350,21 @@ def print_fit(console: Console, fitted: Fitted, output: Path | None) -> None:
         console.print(Text(f"Model written: {output}", style="bold"))
 
 
-def parameter_row(item: Estimate) -> tuple[str, ...]:
-    """Give the cells of a parameter, as `HEADER` names them."""
+def parameter_rows(fitted: Fitted) -> list[tuple[str, ...]]:
+    """Give the cells of each parameter, as `HEADER` names them."""
+    return [_parameter_row(item, is_added=item.parameter.name in fitted.added) for item in fitted.estimates]
+
+
+def _parameter_row(item: Estimate, *, is_added: bool) -> tuple[str, ...]:
     parameter, unit = item.parameter, item.parameter.unit
     value, sd = unit.from_si(item.value), unit.difference_from_si(item.sd)
     return (
         parameter.name,
         parameter.owner,
-        figure(unit.from_si(parameter.nominal)).number(),
+        "added" if is_added else figure(unit.from_si(parameter.nominal)).number(),
         figure(value, sd).both(),
         unit_text(unit.text),
-        change_text(parameter.nominal, item.value, item.sd),
+        "" if is_added else change_text(parameter.nominal, item.value, item.sd),
         _accuracy_text(item),
         "at the end of its range" if item.at_end else "yes" if item.determined else "not alone",
     )
