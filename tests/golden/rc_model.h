@@ -3,6 +3,7 @@
 #define FB_MODEL_H
 #define N_STATES 1
 #define N_SLOW 0
+#define N_AFTER 0
 #define N_PARAMETERS 2
 #define N_INPUTS 1
 #define N_OUTPUTS 1
@@ -75,7 +76,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x7c0390a2c1f189a5ULL, 0x7f61e20b8f0907d8ULL, 0x6cd8fe692f349eefULL, 0x3507a02aee1e1c3cULL};
+static const uint64_t MODEL_HASH[] = {0x18d5791250de44e7ULL, 0x74840705153cbc60ULL, 0x2da00fc577741e12ULL, 0x91ea88fe8e069734ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};

@@ -204,7 +204,7 @@ def foretold(text: str, made: Simulation) -> float:
     """The largest innovation of the likelihood of a model on a noiseless recording, V."""
     model = build_step_model(build_plant(graph(text)))
     begin, step = build_begin(model), build_likelihood(model)
-    place, q = sample_fields(2, 2, 0, 0), nominal_q(model)
+    place, q = sample_fields(2, 2, 0), nominal_q(model)
     start = begin(q, [0.0, 0.0])[0].full()[:, 0]
     common, still = np.concatenate([start, q]), np.zeros(step.size_in(1))
     worst = 0.0

@@ -209,7 +209,7 @@ def test_a_fit_takes_it_as_the_engine_does() -> None:
     full = np.zeros((spec.n_joint, spec.n_joint))
     full[:2, :2] = [[start[3], start[4]], [start[4], start[6]]]
     own[spec.n_joint : spec.n_joint + len(rows), 0] = full[rows, columns]
-    place = sample_fields(1, 2, 0, 0)
+    place = sample_fields(1, 2, 0)
     assert 0.0 < record.samples[200, place["fade"]] < 1.0
     rows_packed = record.packed.copy()
     rows_packed[:, spec.sample_fields["bound"]] = 0.0

@@ -268,10 +268,11 @@ static void forget_inputs(const State *state, Told *told)
         inputs->held[k] = NAN;
         inputs->lowest[k] = INFINITY;
         inputs->highest[k] = -INFINITY;
-        inputs->leap[k] = inputs->guessed[k] = inputs->change[k] = 0.0;
+        inputs->leap[k] = inputs->guessed[k] = 0.0;
         inputs->habit[k] = 1.0;
         inputs->since_step[k] = INFINITY;
     }
+    for (int e = 0; e < N_AFTER; e++) inputs->change[e] = 0.0;
     memcpy(told->astray, state->healthy.astray, sizeof told->astray);
 }
 

@@ -7,7 +7,6 @@
 #define GAP_FROM 3          /* samples without any value from which on the states are uncertain after them, */
 #define GAP_UNUSUAL 3.0     /* beside so many times the usual number, since rows may come more slowly than samples */
 #define PAUSES 20.0         /* rows over which the usual number is a mean; longer pauses do not count as more */
-#define CHANGE_MEMORY 16.0  /* s for which a change of an input disturbs the slow errors that follow it */
 #define MOVES 300.0         /* samples over which the moves, */
 #define HABIT 1000.0        /* and the presence, of inputs are means */
 #define UNKNOWN_FROM 3.0    /* samples for which an input has not been told from which on it is unknown where it stands */

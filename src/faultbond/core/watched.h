@@ -27,7 +27,7 @@ typedef struct {
     real guessed[FB_ROOM(N_INPUTS)];    /* samples since each was told */
     real habit[FB_ROOM(N_INPUTS)];      /* part of the samples with any value in which each is told */
     real since_step[FB_ROOM(N_INPUTS)]; /* s since the last step */
-    real change[FB_ROOM(N_INPUTS)];     /* change that is still felt */
+    real change[FB_ROOM(N_AFTER)];      /* change of an input that a slow error still feels, entry by entry of AFTER_INPUT */
     real odd[FB_ROOM(N_INPUTS)];        /* value that was refused at the last sample; nan: none was */
     real true_for[FB_ROOM(N_CONDITIONS)]; /* s since each condition became true again; -1: it is not, inf: it has settled */
     real trends[FB_ROOM(N_SMOOTH)][TRENDS][TREND_NUMBERS]; /* what follows records that scatter, see smooth.h, */

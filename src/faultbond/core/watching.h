@@ -56,18 +56,15 @@ static inline flag has_value(const Sample *sample)
     return found;
 }
 
-/* Let inputs go to where they are told to be, and others stay; what is felt of a change fades. At the first sample nothing
-   moves. */
+/* Let inputs go to where they are told to be, and others stay. At the first sample nothing moves. */
 static inline void move_inputs(Inputs *inputs, const Sample *sample, int first, double dt)
 {
-    const double fade = exp(-dt / CHANGE_MEMORY);
     for (int k = 0; k < N_INPUTS; k++) {
         const real u = PICK(is_finite(sample->u[k]), sample->u[k], inputs->held[k]);
         const real before = first ? u : inputs->held[k], moved = u - before;
         const real limit = larger(SAME(INPUT_STEP[k]), INPUT_STEP_PART[k] * larger(peak_of(inputs, k), SIZE(u)));
         const real since = inputs->since_step[k] + dt;
         inputs->since_step[k] = first ? since : PICK(SIZE(moved) > limit, SAME(0.0), since);
-        inputs->change[k] = inputs->change[k] * fade + moved;
         inputs->earlier[k] = before;
         inputs->held[k] = u;
     }
@@ -148,17 +145,20 @@ static inline real gap_before(Clock *clock, double dt, flag silent)
     return PICK(NOT(silent) & (absent > GAP_FROM - 1 + GAP_UNUSUAL), absent, SAME(0.0));
 }
 
-/* Variances that slow errors gain in dt seconds, since inputs changed that they follow. */
-static inline void kick(const Inputs *inputs, double dt, real *kicks)
+/* Variances that slow errors gain in dt seconds, since inputs changed that they follow. What is felt of a change fades as the
+   error itself does. */
+static inline void kick(Inputs *inputs, double dt, real *kicks)
 {
-    const double part_of_step = 1.0 - exp(-2.0 * dt / CHANGE_MEMORY); /* adds up to 1 over the memory of a step */
     for (int k = 0; k < N_SLOW; k++) {
         real sum = SAME(0.0);
+        const double fade = AFTER_ROW[k] < AFTER_ROW[k + 1] ? exp(-dt / SLOW_MEMORY[k]) : 1.0;
         for (int e = AFTER_ROW[k]; e < AFTER_ROW[k + 1]; e++) {
-            const real part = AFTER_EACH[e] * inputs->change[AFTER_INPUT[e]];
+            const int i = AFTER_INPUT[e];
+            inputs->change[e] = inputs->change[e] * fade + (inputs->held[i] - inputs->earlier[i]);
+            const real part = AFTER_EACH[e] * inputs->change[e];
             sum += part * part;
         }
-        kicks[k] = part_of_step * sum;
+        kicks[k] = (1.0 - fade * fade) * sum; /* of a step, adds up to all of it */
     }
 }
 

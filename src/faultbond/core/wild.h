@@ -108,7 +108,8 @@ static void believe(State *state, int has_rival)
         inputs->lowest[k] = smaller(inputs->lowest[k], held);
         inputs->highest[k] = larger(inputs->highest[k], held);
         if (odd) inputs->guessed[k] = inputs->since_step[k] = 0.0;
-        inputs->change[k] = inputs->change[k] + held - inputs->held[k];
+        for (int e = 0; e < N_AFTER; e++)
+            if (AFTER_INPUT[e] == k) inputs->change[e] += held - inputs->held[k];
         inputs->held[k] = held;
         inputs->odd[k] = NAN;
     }

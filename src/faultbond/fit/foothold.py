@@ -82,7 +82,8 @@ def with_noise(graph: BondGraph, noise: FloatArray) -> BondGraph:
 def keys_of(graph: BondGraph) -> set[tuple[Kind, str]]:
     """Give what a plant declares as slow errors and as noise of inputs."""
     noisy = {(Kind.INPUT_NOISE, item.name) for item in graph.inputs if item.noise > 0.0}
-    return noisy | {(kind_of(item), item.target) for item in graph.slow_errors}
+    passing = {(Kind.TRANSIENT, f"{item.target} after {name}") for item in graph.slow_errors for name in item.after}
+    return noisy | passing | {(kind_of(item), item.target) for item in graph.slow_errors}
 
 
 def values_of(plant: FittedPlant, stand: Footing) -> FloatArray:

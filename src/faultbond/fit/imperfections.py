@@ -1,7 +1,7 @@
 """What a model may leave out, and can be added to it: slow errors, offsets, curves, wander, lags, noise of inputs.
 
 A law says one thing and the plant does nearly the same; how nearly is the size of a slow error, and how long it stays
-the same is its memory.
+the same is its memory. A transient error is one that is there after an input has moved, the larger the farther it has.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -26,6 +26,7 @@ LEAST_PLACES = 6  # slow errors that are tried however large the plant is
 LAG_ACCURACY, LAG_CHANGE = 0.1, 2.0  # parts of a lag that was found
 TERM_ACCURACY, TERM_CHANGE = 1.0, 2.0  # parts of an offset, or of the power of a curve, that was found
 TEMPERATURE = "K"  # unit of what has no zero of its own
+HIDDEN = 0.01  # of a sensor's noise: the size of an error that is there after moves of an input alone
 UNTRIED = 1e-12  # size of what is only a possibility, in the unit of what it is an error of
 
 
@@ -35,6 +36,7 @@ class Kind(Enum):
     RELATIVE = "relative slow error"
     ABSOLUTE = "slow error"
     WANDER = "wander"
+    TRANSIENT = "transient error"
     INPUT_NOISE = "noise"
     LAG = "lag"
     OFFSET = "offset"
@@ -52,9 +54,11 @@ class Imperfection:
     """Something that a model may leave out: of which kind, of what, how large, over which time (s).
 
     size : standard deviation, SI or in parts; of a lag its time constant, s; of an offset that, SI; of a curve the
-    power with which a parameter goes with a signal; a hold has none
+    power with which a parameter goes with a signal; of a transient error how much larger it is for each unit by which
+    an input moves; a hold has none
     law : of an offset the component that gives the signal, and which of its laws does
     bend : of a curve, what the parameter goes with
+    after : of a transient error, the input
     """
 
     kind: Kind
@@ -64,6 +68,7 @@ class Imperfection:
     memory: float = 1.0
     law: tuple[str, int] = ("", 0)
     bend: Bend | None = None
+    after: str = ""
 
     @property
     def by(self) -> str:
@@ -73,12 +78,18 @@ class Imperfection:
     @property
     def key(self) -> tuple[Kind, str]:
         """What it is without its size."""
-        return self.kind, f"{self.place} over {self.by}" if self.by else self.place
+        more = f" over {self.by}" if self.by else f" after {self.after}" if self.after else ""
+        return self.kind, f"{self.place}{more}"
 
     @property
     def is_slow(self) -> bool:
         """Whether it has a memory."""
-        return self.kind in (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER)
+        return self.kind in (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER, Kind.TRANSIENT)
+
+    @property
+    def is_relative(self) -> bool:
+        """Whether its size is a part of what it is of."""
+        return self.kind in (Kind.RELATIVE, Kind.WANDER)
 
     @property
     def is_parameter(self) -> bool:
@@ -174,10 +185,21 @@ def possible(graph: BondGraph, signals: tuple[str, ...], n_states: int = 0) -> t
         for kind in (Kind.RELATIVE, Kind.ABSOLUTE)
         if name not in taken and not (kind is Kind.RELATIVE and graph.signal_unit(name).text == TEMPERATURE)
     ]
+    errors = (*found, *[*sensors, *laws][: max(most - len(found), 0)])
     scattering = [item for item in graph.inputs if not item.smooth]
     noises = [Imperfection(kind=Kind.INPUT_NOISE, place=item.name, size=item.noise) for item in scattering]
     wanders = [Imperfection(kind=Kind.WANDER, place=name) for name in _unseen(graph) if name not in taken]
-    return (*found, *[*sensors, *laws, *wanders][: max(most - len(found), 0)], *noises)
+    return (*found, *[*sensors, *laws, *wanders][: max(most - len(found), 0)], *_transients(graph, errors), *noises)
+
+
+def _transients(graph: BondGraph, errors: Sequence[Imperfection]) -> Iterator[Imperfection]:
+    """Give the transient errors of sensors of which a slow error is tried, after each input."""
+    followed = {(item.target, name) for item in graph.slow_errors for name in item.after}
+    for item in errors:
+        if item.is_sensor and item.kind is Kind.ABSOLUTE:
+            for known in graph.inputs:
+                if (item.place, known.name) not in followed:
+                    yield replace(item, kind=Kind.TRANSIENT, after=known.name, size=UNTRIED)
 
 
 def _unseen(graph: BondGraph) -> Iterator[str]:
@@ -215,26 +237,35 @@ def with_imperfections(graph: BondGraph, added: tuple[Imperfection, ...]) -> Bon
             hold = KIND_HOLDS.get(item.kind)
             inputs[k] = replace(inputs[k], hold=hold) if hold else replace(inputs[k], noise=max(item.size, UNTRIED))
             continue
-        new = SlowError(
-            target=item.place,
-            sd=item.size,
-            relative=item.kind is not Kind.ABSOLUTE,
-            memory=item.memory,
-            is_sensor=item.is_sensor,
-            wanders=item.kind is Kind.WANDER,
-        )
-        at = next(
-            (k for k, known in enumerate(errors) if (known.target, known.relative) == (new.target, new.relative)), -1
-        )
-        if at < 0:
-            errors.append(new)
-        else:
-            errors[at] = replace(errors[at], sd=new.sd, memory=new.memory)
+        own = item.place, item.is_relative
+        at = next((k for k, known in enumerate(errors) if (known.target, known.relative) == own), len(errors))
+        errors[at : at + 1] = [_error(graph, item, errors[at] if at < len(errors) else None)]
     graph = replace(graph, slow_errors=tuple(errors), inputs=tuple(inputs))
     for item in added:
         if item.is_parameter:
             graph = (_lagging if item.kind is Kind.LAG else _with_term)(graph, item)
     return graph
+
+
+def _error(graph: BondGraph, item: Imperfection, known: SlowError | None) -> SlowError:
+    """Give a slow error with an imperfection that was found of it.
+
+    known : as it is declared, or was found by now
+    """
+    if item.kind is not Kind.TRANSIENT:
+        new = known or SlowError(
+            target=item.place,
+            sd=0.0,
+            relative=item.is_relative,
+            memory=0.0,
+            is_sensor=item.is_sensor,
+            wanders=item.kind is Kind.WANDER,
+        )
+        return replace(new, sd=item.size, memory=item.memory)
+    noise = next(sensor.noise for sensor in graph.sensors if sensor.name == item.place)
+    new = known or SlowError(target=item.place, sd=HIDDEN * noise, relative=False, memory=0.0, is_sensor=True)
+    each = dict(zip(new.after, new.each, strict=True)) | {item.after: item.size}
+    return replace(new, memory=item.memory, after=tuple(each), each=tuple(each.values()))
 
 
 def _lagging(graph: BondGraph, item: Imperfection) -> BondGraph:
@@ -329,10 +360,20 @@ def without_curve(graph: BondGraph, item: Imperfection) -> BondGraph:
 
 
 def without_slow_error(graph: BondGraph, item: Imperfection) -> BondGraph:
-    """Give a plant without a slow error that it has."""
-    own = item.place, item.kind is not Kind.ABSOLUTE
-    kept = (known for known in graph.slow_errors if (known.target, known.relative) != own)
+    """Give a plant without a slow error that it has, or without what that has of the moves of an input."""
+    own, kept = (item.place, item.is_relative), list[SlowError]()
+    for known in graph.slow_errors:
+        each = {name: x for name, x in zip(known.after, known.each, strict=True) if name != item.after}
+        if (known.target, known.relative) != own:
+            kept.append(known)
+        elif item.after and (each or not _is_hidden(graph, known)):
+            kept.append(replace(known, after=tuple(each), each=tuple(each.values())))
     return replace(graph, slow_errors=tuple(kept))
+
+
+def _is_hidden(graph: BondGraph, error: SlowError) -> bool:
+    """Tell whether an error is there after moves of inputs alone."""
+    return any(item.name == error.target and error.sd <= HIDDEN * item.noise for item in graph.sensors)
 
 
 def parameter_name(item: Imperfection) -> str:
@@ -345,9 +386,12 @@ def size_place(graph: BondGraph, layout: Layout, item: Imperfection) -> int:
     """Give where the size of an imperfection of a plant stands in q."""
     if item.is_parameter:
         return [known.name for known in graph.parameters].index(parameter_name(item))
-    first = layout.first_noise + layout.n_y
+    first, number = layout.first_noise + layout.n_y, _number(graph, item) if item.is_slow else 0
+    if item.kind is Kind.TRANSIENT:
+        before = sum(len(known.after) for known in graph.slow_errors[:number])
+        return layout.first_each + before + graph.slow_errors[number].after.index(item.after)
     if item.is_slow:
-        return first + _number(graph, item)
+        return first + number
     noisy = [known.name for known in graph.inputs if known.noise > 0.0]
     return first + layout.n_b + noisy.index(item.place)
 
@@ -358,7 +402,7 @@ def memory_place(graph: BondGraph, layout: Layout, item: Imperfection) -> int:
 
 
 def _number(graph: BondGraph, item: Imperfection) -> int:
-    wanted = item.place, item.kind is not Kind.ABSOLUTE
+    wanted = item.place, item.is_relative
     return [(known.target, known.relative) for known in graph.slow_errors].index(wanted)
 
 

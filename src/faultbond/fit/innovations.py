@@ -19,6 +19,8 @@ from faultbond.fit.samples import HealthyRecording, trusted
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
 
+LOST = 1e6  # sd; the score where a filter has lost its variance
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variant:
@@ -219,7 +221,8 @@ def _filtered(core: Core, taken: Taken, variant: Variant) -> tuple[FloatArray, F
     else:
         errors, found = core.course(lane, rows, spec.slow_slice)
         slow = errors / sizes
-    return found[:, :n_y] / np.sqrt(found[:, n_y : 2 * n_y]), slow
+    variance = found[:, n_y : 2 * n_y]
+    return np.where(variance > 0.0, found[:, :n_y] / np.sqrt(np.maximum(variance, 1e-300)), LOST), slow
 
 
 def _alone(core: Core, taken: Taken, more: FloatArray | None = None) -> FloatArray:

@@ -59,9 +59,9 @@ class Likelihood(Protocol):
 class Layout:
     """How the numbers of a filter, of a direction and of a sample lie.
 
-    A filter: mean and packed covariance, q, implicit signals. A direction: that of mean, covariance and q.
-    q: factors of the parameters, logarithms of the noise sd of sensors, slow errors and noisy inputs, and of the
-    memories of slow errors, s.
+    A filter: mean, packed covariance and what is felt of changes of inputs, q, implicit signals. A direction: that of
+    all but the latter. q: factors of the parameters, logarithms of the noise sd of sensors, slow errors and noisy
+    inputs, of the memories of slow errors, s, and of how much larger these are for each unit of a change that is felt.
     """
 
     n_x: int
@@ -72,6 +72,7 @@ class Layout:
     n_u: int
     n_z: int
     n_held: int  # sensors with a condition of their own
+    n_felt: int  # inputs whose changes a slow error follows, of each of them
 
     @property
     def n_mean(self) -> int:
@@ -80,13 +81,13 @@ class Layout:
 
     @property
     def n_filter(self) -> int:
-        """Mean and packed covariance."""
-        return self.n_mean + self.n_mean * (self.n_mean + 1) // 2
+        """Mean, packed covariance, changes that are felt."""
+        return self.n_mean + self.n_mean * (self.n_mean + 1) // 2 + self.n_felt
 
     @property
     def n_q(self) -> int:
         """Numbers that may be unknown, without the start."""
-        return self.first_memory + self.n_b
+        return self.first_each + self.n_felt
 
     @property
     def first_noise(self) -> int:
@@ -99,24 +100,29 @@ class Layout:
         return self.n_p + self.n_y + self.n_b + self.n_w
 
     @property
+    def first_each(self) -> int:
+        """Where it begins in q how much larger slow errors are after changes."""
+        return self.first_memory + self.n_b
+
+    @property
     def sample_fields(self) -> dict[str, slice]:
-        """Layout of a sample: dt, u_before, u, y, use (1 or 0), held, fade, fresh, kick (variance of slow errors).
+        """Layout of a sample: dt, u_before, u, y, use (1 or 0), held, fade, fresh.
 
         held: 1 of each sensor with a condition of its own that does not read as stated. Of the noise of an input `fade`
-        is left from the sample before, and `fresh` times its variance is new. kick is added.
+        is left from the sample before, and `fresh` times its variance is new.
         """
-        return sample_fields(self.n_u, self.n_y, self.n_b, self.n_held)
+        return sample_fields(self.n_u, self.n_y, self.n_held)
 
     @property
     def n_sample(self) -> int:
         """Length of a sample."""
-        return int(self.sample_fields["kick"].stop)
+        return int(self.sample_fields["fresh"].stop)
 
 
-def sample_fields(n_inputs: int, n_outputs: int, n_slow_errors: int, n_held: int) -> dict[str, slice]:
+def sample_fields(n_inputs: int, n_outputs: int, n_held: int) -> dict[str, slice]:
     """Give the layout of a sample: see `Layout.sample_fields`."""
     sizes = {"dt": 1, "u_before": n_inputs, "u": n_inputs, "y": n_outputs, "use": n_outputs}
-    sizes |= {"held": n_held, "fade": n_inputs, "fresh": n_inputs, "kick": n_slow_errors}
+    sizes |= {"held": n_held, "fade": n_inputs, "fresh": n_inputs}
     ends = np.cumsum([0, *sizes.values()]).tolist()
     return {name: slice(*place) for name, place in zip(sizes, pairwise(ends), strict=True)}
 
@@ -133,6 +139,7 @@ def layout_of(model: StepModel) -> Layout:
         n_u=plant.u.numel(),
         n_z=plant.z.numel(),
         n_held=sum(item.valid_when is not None for item in plant.graph.sensors),
+        n_felt=sum(len(item.after) for item in plant.graph.slow_errors),
     )
 
 
@@ -218,8 +225,9 @@ def _sample(
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Predict and update; give filter state, innovations with variances, implicit signals."""
     n = size.n_mean
-    mean, packed, factors, sensor_noise, slow_noise, input_noise, memories = ca.vertsplit(
-        moving, list(np.cumsum([0, n, size.n_filter - n, size.n_p, size.n_y, size.n_b, size.n_w, size.n_b]))
+    parts = [n, size.n_filter - n - size.n_felt, size.n_felt, *_parts_of_q(size)]
+    mean, packed, felt, factors, sensor_noise, slow_noise, input_noise, memories, each = ca.vertsplit(
+        moving, list(np.cumsum([0, *parts]))
     )
     covariance = _unpacked(packed, n)
     kept = [*range(size.n_x + size.n_b), *range(n + size.n_p - size.n_w, n + size.n_p)]
@@ -233,10 +241,16 @@ def _sample(
         x_next[place] = known.where(1 - off, x_next[place]) + off * mean[place]
         transition[place, :] = known.where(1 - off, transition[place, :])
         added[place, place] = off * sd**2
+    decay = ca.exp(-fields["dt"] * ca.exp(-memories))
+    followed = _followed(model)
+    felt = ca.vertcat(
+        *(felt[e] * decay[k] + fields["u"][i] - fields["u_before"][i] for e, (k, i) in enumerate(followed))
+    )
     for k in range(size.n_b):
-        decay, place = ca.exp(-fields["dt"] * ca.exp(-memories[k])), size.n_x + k
-        transition[place, place] = decay
-        added[place, place] = ca.exp(2 * slow_noise[k]) * (1 - decay * decay) + fields["kick"][k]
+        place = size.n_x + k
+        squares = [(ca.exp(each[e]) * felt[e]) ** 2 for e, (own, _) in enumerate(followed) if own == k]
+        transition[place, place] = decay[k]
+        added[place, place] = (ca.exp(2 * slow_noise[k]) + sum(squares)) * (1 - decay[k] * decay[k])
     for k, number in enumerate(model.noisy):
         place = n - size.n_w + k
         transition[place, place] = fields["fade"][number]
@@ -252,7 +266,18 @@ def _sample(
     growth = [1.0 + (item.growth * told[j]) ** 2 for j, item in enumerate(model.plant.graph.sensors)]
     noise = ca.exp(2 * sensor_noise) * ca.vertcat(*growth)
     shift, covariance, seen = _update(fields, covariance, expected, slope, noise, judged, known)
-    return ca.vertcat(mean + shift, _packed(covariance)), seen, implicit
+    return ca.vertcat(mean + shift, _packed(covariance), felt), seen, implicit
+
+
+def _followed(model: StepModel) -> list[tuple[int, int]]:
+    """Give the changes that slow errors feel: number of the error, and of the input."""
+    graph = model.plant.graph
+    numbers = {item.name: k for k, item in enumerate(graph.inputs)}
+    return [(k, numbers[name]) for k, item in enumerate(graph.slow_errors) for name in item.after]
+
+
+def _parts_of_q(size: Layout) -> list[int]:
+    return [size.n_p, size.n_y, size.n_b, size.n_w, size.n_b, size.n_felt]
 
 
 def _joint(size: Layout, mean: ca.SX, factors: ca.SX) -> ca.SX:
@@ -315,15 +340,14 @@ def _packed(full: ca.SX) -> ca.SX:
 
 
 def build_begin(model: StepModel) -> ca.Function:
-    """Give (q, start) -> filter mean and packed covariance before the first sample, and their slopes by q and start.
+    """Give (q, start) -> a filter before the first sample, see `Layout`, and its slopes by q and start.
 
     start (n_states,), SI, coordinates of the step model: used where the model file gives no start. Where it does,
     content and its sd are those of the file.
     """
     size, graph = layout_of(model), model.plant.graph
     q, start = ca.SX.sym("q", size.n_q), ca.SX.sym("start", size.n_x)
-    parts = ca.vertsplit(q, list(np.cumsum([0, size.n_p, size.n_y, size.n_b, size.n_w, size.n_b])))
-    factors, _, slow, noise, _ = parts
+    factors, _, slow, noise, _, _ = ca.vertsplit(q, list(np.cumsum([0, *_parts_of_q(size)])))
     theta = factors * ca.DM(model.scales) if size.n_p else factors
     nominal = np.array([item.nominal for item in graph.parameters])
     content = model.contents(model.reference_state, nominal).full()[:, 0]
@@ -344,7 +368,7 @@ def build_begin(model: StepModel) -> ca.Function:
     for k in range(size.n_w):
         place = size.n_x + size.n_b + k
         spread[place, place] = ca.exp(2 * noise[k])
-    begin = ca.vertcat(mean, _packed(spread))
+    begin = ca.vertcat(mean, _packed(spread), ca.SX.zeros(size.n_felt, 1))
     slopes = [ca.densify(ca.jacobian(begin, item)) for item in (q, start)]
     return ca.Function("begin", [q, start], [ca.densify(begin), *slopes])
 
@@ -366,19 +390,10 @@ def nominal_q(model: StepModel) -> FloatArray:
         *(graph.inputs[k].noise for k in model.noisy),
     ]
     memories = [item.memory for item in graph.slow_errors]
-    return np.array([*factors, *np.log(np.maximum(noises, _LEAST)), *np.log(memories)])
+    each = [x for item in graph.slow_errors for x in item.each]
+    return np.array(
+        [*factors, *np.log(np.maximum(noises, _LEAST)), *np.log(memories), *np.log(np.maximum(each, _LEAST))]
+    )
 
 
 _LEAST = 1e-150  # a size of noise whose square is still a number
-
-
-class Padded:
-    """A likelihood that takes samples of a plant with fewer slow errors: nothing is added to those behind."""
-
-    def __init__(self, engine: Likelihood, n_sample: int) -> None:
-        self.engine, self.n_sample = engine, n_sample
-
-    def advance(self, common: FloatArray, lanes: FloatArray, samples: FloatArray) -> Advanced:
-        """Filter over samples (n_samples, n) of fewer columns; see `Likelihood.advance`."""
-        missing = self.n_sample - samples.shape[1]
-        return self.engine.advance(common, lanes, np.pad(samples, ((0, 0), (0, missing))) if missing else samples)

@@ -43,7 +43,7 @@ from faultbond.fit.imperfections import (
     without_lag,
     without_slow_error,
 )
-from faultbond.fit.likelihood import Likelihood, Padded, build_begin, known_starts, layout_of, nominal_q
+from faultbond.fit.likelihood import Likelihood, build_begin, known_starts, layout_of, nominal_q
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recordings, ways_of
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.stray import INSIDE
@@ -69,7 +69,9 @@ LAG_GRID = 4.0  # samples: a lag for which one step of the integration is enough
 LEAST_LAG = 0.2  # samples
 NO_LAG = 1.01 * LEAST_LAG  # samples: a lag that would rather be none
 AGAIN = 2.0  # times what it promised before; what was tried in vain and promises more is tried once more
-SIZED = (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER, Kind.INPUT_NOISE)
+MOVES = (0.3, 1.0, 3.0, 10.0)  # of a sensor's noise, after an input has moved as far as it usually does
+SIZED = (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER, Kind.TRANSIENT, Kind.INPUT_NOISE)
+MOST_POWER = 6.0  # of a curve; laws have no higher ones
 MOST_SAMPLES = 6000  # with which sizes are compared
 FEW_SAMPLES = 8000  # of the recordings with which imperfections are compared; what is kept is fitted to all
 
@@ -217,8 +219,10 @@ class Search:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""
         self.tell("asking what each imperfection would gain")
         usual, gains_of = self.asking(stand)
-        added = {item.what.place for item in stand.added if item.what.kind is not Kind.CURVE}
-        asked = [(item, self._sizes(stand, item, usual)) for item in self.possible if item.place not in added]
+        known = {item.what.key for item in stand.added}
+        added = {item.what.place for item in stand.added if item.what.kind not in (Kind.CURVE, Kind.TRANSIENT)}
+        free = (x for x in self.possible if x.key not in known and (x.kind is Kind.TRANSIENT or x.place not in added))
+        asked = [(item, self._sizes(stand, item, usual)) for item in free]
         best: dict[tuple[Kind, str], tuple[Imperfection, float]] = {}
         while asked:
             tried = [
@@ -236,7 +240,7 @@ class Search:
             asked = [
                 (item, tuple(sizes[-1] * times for times in LARGER))
                 for item, sizes in at_end
-                if item.kind is Kind.ABSOLUTE and best[item.key][1] > 0.0
+                if item.kind in (Kind.ABSOLUTE, Kind.TRANSIENT) and best[item.key][1] > 0.0
             ]
         self.asked = sorted(best.values(), key=lambda item: item[1], reverse=True)
         return self.asked
@@ -280,12 +284,19 @@ class Search:
             return SIZES if usual.get(item.place, 0.0) > 0.0 else ()
         if item.is_sensor:
             noise = next(known.noise for known in stand.graph.sensors if known.name == item.place)
+            if item.kind is Kind.TRANSIENT:
+                spread = self._spread(item.after)
+                return tuple(part * noise / spread for part in MOVES if spread > 0.0)
             return tuple(part * noise for part in NOISES)
         if item.kind is Kind.INPUT_NOISE:
-            k = [known.name for known in self.graph.inputs].index(item.place)
-            spread = float(np.std(np.concatenate([record.u[:, k] for record in self.trained])))
+            spread = self._spread(item.place)
             return tuple(part * spread for part in SIZES[:3] if spread > 0.0)
         return tuple(part * usual[item.place] for part in SIZES if usual.get(item.place, 0.0) > 0.0)
+
+    def _spread(self, name: str) -> float:
+        """Give how far an input is from its mean, sd, SI."""
+        k = [known.name for known in self.graph.inputs].index(name)
+        return float(np.std(np.concatenate([record.u[:, k] for record in self.trained])))
 
     def _memories(self, item: Imperfection) -> tuple[float, ...]:
         if not item.is_slow:
@@ -362,11 +373,15 @@ class Ground:
         for k, item in enumerate(self.graph.parameters):
             q[k] = stand.values.get(item.name, item.nominal) / item.scale
         slow = {(item.target, item.relative): item for item in stand.graph.slow_errors}
-        first = layout.first_noise + layout.n_y
+        first, felt = layout.first_noise + layout.n_y, 0
         q[layout.first_noise : first] = np.log([item.noise for item in stand.graph.sensors])
         for k, error in enumerate(self.graph.slow_errors):
-            known = slow.get((error.target, error.relative), replace(error, sd=UNTRIED))
+            known = slow.get((error.target, error.relative), replace(error, sd=UNTRIED, after=(), each=()))
             q[first + k], q[layout.first_memory + k] = np.log(known.sd), np.log(known.memory)
+            each = dict(zip(known.after, known.each, strict=True))
+            for name in error.after:
+                q[layout.first_each + felt] = np.log(each.get(name, UNTRIED))
+                felt += 1
         for k, number in enumerate(self.model.noisy, start=first + layout.n_b):
             q[k] = np.log(max(stand.graph.inputs[number].noise, UNTRIED))
         return q
@@ -393,9 +408,9 @@ class Ground:
         search, layout = self.search, self.layout
         base = nominal_q(self.model)
         base[layout.n_p :] = q[layout.n_p :]
-        lags, further = (
+        lags, curves, further = (
             {parameter_name(item) for item in opened if item.kind in kinds}
-            for kinds in ((Kind.LAG,), (Kind.LAG, *TERMS))
+            for kinds in ((Kind.LAG,), (Kind.CURVE,), (Kind.LAG, *TERMS))
         )
         sizes = {size_place(self.graph, layout, item): item for item in opened if item.kind in SIZED}
         memories = {memory_place(self.graph, layout, item): item for item in opened if item.is_slow}
@@ -409,6 +424,8 @@ class Ground:
             if item.name in lags:
                 ends = np.log(np.array([LEAST_LAG * search.step, search.longest]) / item.nominal)
                 lower[k], upper[k] = ends[0], max(ends)
+            if item.name in curves:
+                lower[k], upper[k] = sorted((-MOST_POWER / item.scale, MOST_POWER / item.scale))
         for k, place in enumerate(noises, start=unknowns.n_theta):
             if place in memories:
                 lower[k], upper[k] = np.log(search.step), np.log(max(search.longest, search.step))
@@ -424,7 +441,7 @@ class Ground:
         return FittedPlant(
             sensors=tuple(item.name for item in self.graph.sensors),
             layout=layout,
-            engine=Padded(self.engine, layout.n_sample),
+            engine=self.engine,
             begin=self.begin,
             base=base,
             implicit=self.model.reference_implicit,

@@ -1,7 +1,6 @@
 """A recording as a fit takes it: samples as the monitor packs them, and those of the likelihood made of them.
 
-An absent input is held, a reading is not used while an input that reaches it directly settles, and a slow error that
-follows an input grows after a change of it.
+An absent input is held, and a reading is not used while an input that reaches it directly settles.
 """
 
 from collections.abc import Sequence
@@ -48,7 +47,7 @@ class HealthyRecording:
     def without(self, wild: BoolArray) -> "HealthyRecording":
         """Give the recording with some readings (N, n_outputs) left out."""
         samples, use = self.samples.copy(), self.use & ~wild
-        samples[:, sample_fields(self.u.shape[1], self.y.shape[1], 0, 0)["use"]] = use
+        samples[:, sample_fields(self.u.shape[1], self.y.shape[1], 0)["use"]] = use
         return replace(self, samples=samples, use=use, wild=self.wild + int((self.use & wild).sum()))
 
 
@@ -130,9 +129,9 @@ def healthy_recording(name: str, points: Sequence[Sample], core: Core) -> Health
         if not np.isfinite(y[:, k]).any():
             raise NoVerdictError(f"{name}: no row has a value of the sensor {output.name}; check its column")
     packed = np.array(rows)
-    fields = sample_fields(len(spec.inputs), len(spec.outputs), len(spec.slow_errors), len(spec.held))
+    fields = sample_fields(len(spec.inputs), len(spec.outputs), len(spec.held))
     use = trusted(spec, packed)
-    samples = np.zeros((len(rows), fields["kick"].stop))
+    samples = np.zeros((len(rows), fields["fresh"].stop))
     for field, place in fields.items():
         if field not in ("use", "fade", "fresh"):
             samples[:, place] = packed[:, spec.sample_fields[field]]

@@ -20,7 +20,6 @@ from faultbond.fit.identification import Fit
 from faultbond.fit.imperfections import UNTRIED, Imperfection, Kind, memory_place, size_place, with_imperfections
 from faultbond.fit.likelihood import Layout, Likelihood, build_begin, layout_of
 from faultbond.fit.objective import Scored
-from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.unknowns import unknowns_of
 from faultbond.model.graph import BondGraph
 
@@ -124,7 +123,7 @@ class _Ground:
         longest = self.longest = max(float(np.ptp(item)) for item in times)
         self.memories = LEAST_MEMORY * step, max(MOST_MEMORY * longest, LEAST_MEMORY * step)
         self.tried = sorted({float(np.clip(part * longest, *self.memories)) for part in MEMORIES})
-        self.records = tuple(_padded(item, self.layout) for item in found.records)
+        self.records = found.records
         self.plant = replace(
             old,
             layout=self.layout,
@@ -205,15 +204,9 @@ class _Ground:
         return min(good, key=lambda one: (one.size, one.memory))
 
 
-def _padded(record: HealthyRecording, layout: Layout) -> HealthyRecording:
-    """Give a recording for a plant with more slow errors: nothing is added to those behind."""
-    missing = layout.n_sample - record.samples.shape[1]
-    return replace(record, samples=np.pad(record.samples, ((0, 0), (0, missing))))
-
-
 def _with_room(q: FloatArray, old: Layout, new: Layout) -> FloatArray:
     """Give q of a plant with more slow errors behind those of another; they are next to nothing."""
     more = new.n_b - old.n_b
-    first, last = old.n_p + old.n_y + old.n_b, old.first_memory
+    first, last = old.n_p + old.n_y + old.n_b, old.first_each
     untried, memories = np.full(more, np.log(UNTRIED)), np.zeros(more)
-    return np.concatenate([q[:first], untried, q[first:last], q[last:], memories])
+    return np.concatenate([q[:first], untried, q[first:last], memories, q[last:]])

@@ -175,7 +175,12 @@ class ModelBuilder:
         return self._add("sensors", name, {**fields, "healthy_bias": healthy_bias})
 
     def slow_error(
-        self, target: str, size: Scalar, *, after: Sequence[str] | None = None, each: Scalar | None = None
+        self,
+        target: str,
+        size: Scalar,
+        *,
+        after: Sequence[str] | None = None,
+        each: Scalar | Sequence[Scalar] | None = None,
     ) -> Self:
         """Add a known imperfection of a signal or sensor, `2 % over 600 s`."""
         return self._add("slow_error", target, {"size": size, "after": after, "each": each})

@@ -4,7 +4,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from faultbond.errors import ModelError
 from faultbond.model import keys
@@ -256,18 +256,27 @@ class _Writer:
         if not item.after:
             return size
         return _flow(
-            {"size": size, "after": f"[{', '.join(item.after)}]", "each": self.each(item, unit)}, keys.SLOW_ERROR_KEYS
+            {"size": size, "after": f"[{', '.join(item.after)}]", "each": self.all_each(item, unit)},
+            keys.SLOW_ERROR_KEYS,
         )
 
-    def each(self, item: SlowError, size: Unit) -> str:
-        per = shared_factor(self.graph.input(name).unit for name in item.after)
-        own = self.graph.input(item.after[0]).unit
+    def all_each(self, item: SlowError, size: Unit) -> str:
+        """Give the growth for each unit of a change: one for all inputs, or a list."""
+        units = [self.graph.input(name).unit.text for name in item.after]
+        if len(set(zip(item.each, units, strict=True))) == 1:
+            return self.each(item.each[0], item.after, size)
+        return f"[{', '.join(self.each(x, (name,), size) for x, name in zip(item.each, item.after, strict=True))}]"
+
+    def each(self, value: float, after: Sequence[str], size: Unit) -> str:
+        """Give the growth for each unit of a change of some inputs."""
+        per = shared_factor(self.graph.input(name).unit for name in after)
+        own = self.graph.input(after[0]).unit
         try:
             if size.text and own.text:
-                return _difference(item.each, measure(f"{size.text}/({own.text})").unit)
+                return _difference(value, measure(f"{size.text}/({own.text})").unit)
         except ModelError:
             pass  # the unit is too long; a bare number is in the sensor's unit per unit of the inputs
-        return text_of(item.each, lambda value: value * size.factor / per) or number_text(item.each * per / size.factor)
+        return text_of(value, lambda number: number * size.factor / per) or number_text(value * per / size.factor)
 
 
 def _spread(item: Parameter, value: float) -> str:

@@ -266,8 +266,9 @@ class SlowError:
     """A slowly varying error (Ornstein-Uhlenbeck) of a signal (`line.f`) or, with `is_sensor`, of a sensor (its name).
 
     `sd` is relative (0.02) when `relative`, else SI; `unit` is the one that the model file states. After a change of an
-    input in `after` by D (SI) the sd is larger by `each` * D for a while. `memory` in seconds. With `wanders` it is no
-    error, but how far a parameter, or an unknown input (its name), goes from its usual value and back.
+    input in `after` by D (SI) the sd is larger by that input's `each` times D, until it is forgotten. `memory` in
+    seconds. With `wanders` it is no error, but how far a parameter, or an unknown input (its name), goes from its usual
+    value and back.
     """
 
     target: str
@@ -275,7 +276,7 @@ class SlowError:
     relative: bool
     memory: float
     after: tuple[str, ...] = ()
-    each: float = 0.0
+    each: tuple[float, ...] = ()  # of each input in `after`
     is_sensor: bool = False
     wanders: bool = False
     unit: Unit = Unit("")

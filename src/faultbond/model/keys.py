@@ -234,7 +234,7 @@ SLOW_ERROR_KEYS = Keys(
             missing="write it as `size: 0.2 cm over 40 s`",
         ),
         "after": Key(_one_or_more(NAME_TEXT), "inputs after whose changes it is larger"),
-        "each": Key(VALUE, "how much larger for each unit of a change"),
+        "each": Key(_one_or_more(VALUE), "how much larger for each unit of a change: of all, or of each input"),
     },
     short="size",
 )

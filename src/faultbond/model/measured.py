@@ -188,7 +188,7 @@ class MeasuredReader:
             relative=sd.is_relative,
             memory=memory,
             after=after,
-            each=self._each(place, fields["each"], after, sd, default) if "each" in fields else 0.0,
+            each=self._each(place, fields["each"], after, sd, default) if "each" in fields else (),
             is_sensor=target in self.units,
             unit=NO_UNIT if unit is None or sd.is_relative else unit.unit,
             line=place.line,
@@ -227,14 +227,24 @@ class MeasuredReader:
             raise place.error(": after names one or more inputs, each once")
         return found
 
-    def _each(self, place: Spot, each: Spot, after: tuple[str, ...], sd: Spread, target: Measure | None) -> float:
-        """Give the SI growth of the standard deviation per SI change of an input."""
+    def _each(
+        self, place: Spot, each: Spot, after: tuple[str, ...], sd: Spread, target: Measure | None
+    ) -> tuple[float, ...]:
+        """Give the SI growth of the standard deviation per SI change of each input."""
         if sd.is_relative:
             problem = ": `each` needs an absolute size, such as `size: 0.2 cm over 40 s`"
             raise place.at(each).error(problem)
+        size = target or (sd.quantity.measure if sd.quantity else None)
+        stated = each.one_or_more()
+        if len(stated) == 1:
+            return (self._growth(stated[0], after, size),) * len(after)
+        if len(stated) != len(after):
+            raise place.at(each).error(f": `each` is one size, or one of each input in `after`: {', '.join(after)}")
+        return tuple(self._growth(item, (name,), size) for item, name in zip(stated, after, strict=True))
+
+    def _growth(self, each: Spot, after: tuple[str, ...], size: Measure | None) -> float:
         where = each.where()
         found = each.quantity()
-        size = target or (sd.quantity.measure if sd.quantity else None)
         if found.number < 0:
             raise ModelError(f"{where}is negative; a standard deviation is 0 or more")
         if found.measure is None:

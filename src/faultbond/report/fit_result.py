@@ -133,14 +133,26 @@ class Fitted:
         )
 
     @property
+    def moves(self) -> dict[str, float]:
+        """By how much parameters and instruments seem to change while healthy, or may be off as one strayed; sd, SI."""
+        doubts = doubts_of(self.strays)
+        names = dict.fromkeys((*self.healthy_changes, *doubts))
+        return {name: max(self.healthy_changes.get(name, 0.0), doubts.get(name, 0.0)) for name in names}
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The nominal values that the model is to declare, SI."""
+        stated = {item.name: item.nominal for item in self.graph.parameters}
+        return stated | {item.parameter.name: item.value for item in self.estimates}
+
+    @property
     def declared_changes(self) -> tuple[tuple[str, str], ...]:
         """The parameters that seem to change by more than their accuracy allows them to, and by how much."""
         fitted = {item.parameter.name: (item.accuracy, item.value) for item in self.estimates}
-        told, doubts = [], doubts_of(self.strays)
+        told, moves = [], self.moves
         for item in self.graph.parameters:
             accuracy, value = fitted.get(item.name, (item.accuracy, item.nominal))
-            found, least = self.healthy_changes.get(item.name, 0.0), core_settings()["MOVES_BY"] * accuracy
-            found = max(found, doubts.get(item.name, 0.0))
+            found, least = moves.get(item.name, 0.0), core_settings()["MOVES_BY"] * accuracy
             if found > least or (item.name in self.healthy_changes and item.healthy_change > least):
                 told.append((item.name, _spread_text(max(found, least), item.nominal and value, item.unit)))
         return tuple(told)

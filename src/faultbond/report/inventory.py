@@ -54,7 +54,6 @@ _CORE = core_settings()
 SETTINGS = {  # value and meaning of the numbers of the method beside its thresholds
     "start_samples": (_CORE["START_SAMPLES"], "samples gathered to solve an unknown start"),
     "diagnosis_every": (_CORE["DIAGNOSIS_EVERY"], "samples from one diagnosis to the next"),
-    "change_memory": (_CORE["CHANGE_MEMORY"], "changes of an input add up over, s"),
     "start_patience": (
         _CORE["START_PATIENCE"],
         "samples for which a sensor without any value holds up the start, at most",
@@ -174,7 +173,7 @@ def check_record(seen: Inventory) -> Record:
         "slow_errors": [
             {"signal": error.target, "sd": error.sd, "relative": error.relative, "memory": error.memory}
             | {"alarms": known.alarms, "limit": known.limit if known.alarms else None}
-            | {"after": list(error.after), "each": error.each}
+            | {"after": list(error.after), "each": list(error.each)}
             for error, known in zip(graph.slow_errors, spec.slow_errors, strict=True)
             if not error.wanders
         ],

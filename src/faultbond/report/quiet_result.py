@@ -1,6 +1,7 @@
 """A model that was made quiet: what was added and raised, what it cost, what was not mended; text, record, file."""
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -89,8 +90,8 @@ class Quieted:
         """Parameters of which no change by less than half is found any more, or claimed, as it was before."""
         before = {item.parameter: item.value for item in self.smallest_before}
         now = {item.parameter: item.value for item in self.smallest_after}
-        half = {item.name: DEAF * abs(item.nominal) for item in self.fitted.graph.parameters}
-        moves = self.fitted.healthy_changes
+        half = {name: DEAF * abs(value) for name, value in self.fitted.values.items()}
+        moves = self.fitted.moves
         return tuple(
             name
             for name, value in now.items()
@@ -107,9 +108,9 @@ def amended_text(text: str, graph: BondGraph, added: Sequence[Added]) -> str:
     """Give a model text with imperfections."""
     whole = with_imperfections(graph, tuple(item.what for item in added))
     terms = [item.what for item in added if item.what.kind in TERMS]
-    entries = [_entry(graph, item.what) for item in added if item.what.kind not in TERMS]
+    entries = dict(_entry(graph, whole, item.what) for item in added if item.what.kind not in TERMS)
     powers = [(parameter_path(whole, parameter_name(item)), _term(whole, item)) for item in terms]
-    return amended(text, [*entries, *_changed_laws(graph, whole), *powers], graph.file)
+    return amended(text, [*entries.items(), *_changed_laws(graph, whole), *powers], graph.file)
 
 
 def _changed_laws(graph: BondGraph, whole: BondGraph) -> Iterator[tuple[Path, str]]:
@@ -133,24 +134,54 @@ def _term(whole: BondGraph, item: Imperfection) -> str:
     return f"{{nominal: {words[0]}, accuracy: {words[1]}, range: any, suspect: no}}"
 
 
-def _entry(graph: BondGraph, item: Imperfection) -> tuple[Path, str]:
-    """Give where an imperfection stands in a model file, and what stands there."""
+def _entry(graph: BondGraph, whole: BondGraph, item: Imperfection) -> tuple[Path, str]:
+    """Give where an imperfection stands in a model file, and what stands there.
+
+    whole : the plant with all that was added
+    """
     section = "sensors" if item.is_sensor else "inputs"
     if item.kind is Kind.LAG:
         return (section, item.place, "lag"), f"{{value: {item.size:.3g} s, accuracy: 10 %}}"
     if item.kind in KIND_HOLDS:
         return (section, item.place, "hold"), KIND_HOLDS[item.kind].value
-    size, unit = _sized(graph, item)
-    words = f"{rounded_up(size)} {'' if unit == '1' else unit}".rstrip()
+    words = _size_words(graph, item)
     if item.kind is Kind.INPUT_NOISE:  # of a row, where it was found of a mean of some
+        size, unit = _sized(graph, item)
         of_row = f"{rounded_up(size * math.sqrt(graph.rows_per_sample))} {unit}".rstrip()
         return (section, item.place, "noise"), of_row
-    path = (*parameter_path(graph, item.place), "wander") if item.kind is Kind.WANDER else ("slow_error", item.place)
-    return path, f"{words} over {float(f'{item.memory:.2g}'):g} s"
+    if item.kind is Kind.WANDER:
+        return (*parameter_path(graph, item.place), "wander"), f"{words} over {_memory_words(item.memory)}"
+    error = next(
+        known for known in whole.slow_errors if (known.target, known.relative) == (item.place, item.is_relative)
+    )
+    return ("slow_error", item.place), _error_words(graph, error, replace(item, after=""))
+
+
+def _error_words(graph: BondGraph, error: SlowError, item: Imperfection) -> str:
+    """Give what stands in a model file for a slow error, perhaps one that is larger after inputs have moved."""
+    kind = Kind.RELATIVE if error.relative else Kind.ABSOLUTE
+    words = f"{_size_words(graph, replace(item, kind=kind, size=error.sd))} over {_memory_words(error.memory)}"
+    if not error.after:
+        return words
+    moves = zip(error.after, error.each, strict=True)
+    sizes = [_size_words(graph, replace(item, kind=Kind.TRANSIENT, after=name, size=x)) for name, x in moves]
+    return f"{{size: {words}, after: [{', '.join(error.after)}], each: [{', '.join(sizes)}]}}"
+
+
+def _memory_words(memory: float) -> str:
+    return f"{float(f'{memory:.2g}'):g} s"
+
+
+def _size_words(graph: BondGraph, item: Imperfection) -> str:
+    """Give a size as it stands in a model file, a little larger rather than smaller."""
+    size, unit = _sized(graph, item)
+    return f"{rounded_up(size)} {'' if unit == '1' else unit}".rstrip()
 
 
 def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
     """Give a size in the unit of what it is of, and the unit; SI of a signal of which no unit is declared."""
+    if item.kind is Kind.TRANSIENT:
+        return _growth(graph, item)
     if item.kind is Kind.CURVE:
         return item.size, "1"
     if item.kind in (Kind.RELATIVE, Kind.WANDER):
@@ -165,6 +196,19 @@ def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
     if unit.offset:  # a difference of temperatures
         return item.size, "K"
     return item.size / unit.factor, unit.text
+
+
+def _growth(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
+    """Give the size of a transient error: in the unit of the sensor for each of the input, and that unit."""
+    size, own = _sized(graph, replace(item, kind=Kind.ABSOLUTE))
+    moved = graph.input(item.after).unit
+    if moved.offset:  # a difference of temperatures
+        moved = Unit("K")
+    return size * moved.factor, f"{own or 1}/{_in_brackets(moved.text)}" if moved.text else own
+
+
+def _in_brackets(unit: str) -> str:
+    return f"({unit})" if re.search(r"[*/ ]", unit) else unit
 
 
 def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tuple[Resized, ...]]:
@@ -235,6 +279,7 @@ def quiet_record(found: Quieted) -> Record:
                 "kind": item.what.kind.value,
                 "of": item.what.place,
                 "over": item.what.by or None,
+                "after": item.what.after or None,
                 "size": None if item.what.kind in KIND_HOLDS else item.what.size,
                 "memory": item.what.memory if item.what.is_slow else None,
                 "gain": item.trained,

@@ -73,6 +73,7 @@ def _sizes(
     sizes = {
         "N_STATES": len(spec.states),
         "N_SLOW": len(spec.slow_errors),
+        "N_AFTER": sum(len(item.after) for item in spec.slow_errors),
         "N_PARAMETERS": len(spec.parameters),
         "N_INPUTS": len(spec.inputs),
         "N_OUTPUTS": len(spec.outputs),

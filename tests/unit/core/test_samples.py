@@ -31,6 +31,9 @@ void t_allow(State *state, const double *change, const double *count, double *pa
 }
 int64_t t_unknown(State *state) { return any_unknown(&state->inputs); }
 """
+FOLLOWING = CELL.replace(
+    "1 % over 20 s}", "1 % over 20 s, v: {size: 1 mV over 6 s, after: [V, W], each: [2 mV/V, 30 mV/A]}}"
+)
 DT, NONE = 0.5, (np.nan, np.nan)
 SIZES = np.array([2.0, 0.5])  # of the inputs V, W
 
@@ -130,7 +133,7 @@ def test_states_may_be_where_they_have_been_after_a_gap() -> None:
 
 def test_packed_samples_follow_from_all_that_came_before() -> None:
     """Held inputs, blanked sensors, kicks, and what is known of the inputs, by formulas over the whole past."""
-    generator, core, n = np.random.default_rng(5), bare(CALLS), 400
+    generator, core, n = np.random.default_rng(5), bare(CALLS, FOLLOWING), 400
     u = np.repeat(generator.uniform(0.5, 1.0, (n // 20, 2)), 20, axis=0) * SIZES * [1.0, -1.0]
     y = generator.normal(0.0, 1.0, (n, 2))
     u[generator.random(u.shape) < [0.1, 0.7]] = np.nan
@@ -141,7 +144,8 @@ def test_packed_samples_follow_from_all_that_came_before() -> None:
     held = np.array([[column[: k + 1][told[: k + 1, c]][-1] for c, column in enumerate(u.T)] for k in range(n)])
     moved = np.diff(held, axis=0, prepend=held[:1])
     step, ages = np.zeros((n, 2), dtype=bool), DT * np.arange(n)
-    each = dict(core.spec.slow_errors[0].after)
+    each, memory = dict(core.spec.slow_errors[1].after), core.spec.slow_errors[1].memory
+    assert (each, memory) == ({0: 2e-3, 1: 30e-3}, 6.0)
     leap, habit = np.zeros(2), np.ones(2)
     for k in range(n):
         found = packed(core, row(u[k], y[k]))
@@ -149,8 +153,8 @@ def test_packed_samples_follow_from_all_that_came_before() -> None:
         step[k] = np.abs(moved[k]) > [
             max(item.step, item.step_part * p) for item, p in zip(core.spec.inputs, peak, strict=True)
         ]
-        felt = np.sum(moved[: k + 1] * np.exp(-ages[: k + 1][::-1, None] / 16.0), axis=0)
-        kick = (1.0 - np.exp(-DT / 8.0)) * sum((weight * felt[c]) ** 2 for c, weight in each.items())
+        felt = np.sum(moved[: k + 1] * np.exp(-ages[: k + 1][::-1, None] / memory), axis=0)
+        kick = (1.0 - np.exp(-2.0 * DT / memory)) * sum((weight * felt[c]) ** 2 for c, weight in each.items())
         settling = bool(step[max(k - 5, 0) : k + 1, 0].any())
         unseen = not told[k, 0] and leap[0] > 0.0
         assert found["u_before"] == pytest.approx(held[max(k - 1, 0)])
@@ -161,7 +165,7 @@ def test_packed_samples_follow_from_all_that_came_before() -> None:
         blank = core.spec.thresholds.blank_factor
         scale = [blank if settling or unseen else 4.0 if there[k, 0] else 1.0, 1.0]
         assert found["scale"].tolist() == scale, k
-        assert found["kick"] == pytest.approx([kick if k else 0.0], rel=1e-9)
+        assert found["kick"] == pytest.approx([0.0, kick if k else 0.0], rel=1e-9)
         guessed = np.array([k - np.flatnonzero(told[:k, c])[-1] - 1 if k else 0 for c in range(2)])
         whole = told[k] & (guessed == 0)
         leap = np.where(whole, np.sqrt((1.0 - 1.0 / 300.0) * leap**2 + moved[k] ** 2 / 300.0), leap)
@@ -170,7 +174,7 @@ def test_packed_samples_follow_from_all_that_came_before() -> None:
     assert core["inputs.habit"] == pytest.approx(habit)
     assert core["inputs.lowest"] == pytest.approx(np.nanmin(u, axis=0))
     assert core["inputs.highest"] == pytest.approx(np.nanmax(u, axis=0))
-    assert core["inputs.change"] == pytest.approx(felt)
+    assert core["inputs.change"] == pytest.approx([felt[c] for c in each])
 
 
 def test_what_inputs_may_have_done_unseen() -> None:

@@ -12,6 +12,7 @@ from faultbond.fit.evidence import all_known, likelihoods
 from faultbond.fit.objective import FitPoint, FittedPlant, evaluate_likelihood, likelihood_value, score_recordings
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.session import build_fit, free_parameters
+from faultbond.fit.unknowns import unknowns_of
 from faultbond.fit.whiteness import test_whiteness as whiteness_of
 from faultbond.model.text import parse_model
 from faultbond.synthesis.engine import build_engine, build_model
@@ -29,6 +30,7 @@ bonds: [source -> loop -> R, loop -> C]
 sensors: {v: {reads: C.e, unit: V, noise: 0.1 V}, i: {reads: loop.f, unit: A, noise: 0.05 A}}
 slow_error: {v: 0.3 V over 2 s}
 """
+AFTER = RC.replace("0.3 V over 2 s", "{size: 0.3 V over 2 s, after: [V], each: 0.4 V/V}")
 
 
 def recording(n: int = 60, seed: int = 1) -> list[Sample]:
@@ -51,8 +53,11 @@ def prepared(text: str, points: list[Sample]) -> tuple[FittedPlant, tuple[Health
     return build_fit(model, likelihood_engine(model), core, [("made", points)], free_parameters(graph))
 
 
-def dense_likelihood(points: list[Sample]) -> float:
-    """Give the likelihood of the readings of `RC` from their joint normal distribution, without a filter."""
+def dense_likelihood(points: list[Sample], each: float) -> float:
+    """Give the likelihood of the readings of `RC` from their joint normal distribution, without a filter.
+
+    each : by how much the slow error is larger for each volt by which V moves
+    """
     r, c, h, n = 10.0, 0.05, 0.1, len(points)
     pole = -1.0 / (r * c)
     gamma = 1.0 - 1.0 / np.sqrt(2.0)
@@ -64,13 +69,14 @@ def dense_likelihood(points: list[Sample]) -> float:
     size = 1 + 2 * n
     x, x_mean = np.zeros((n, size)), np.zeros(n)
     x[0, 0], x_mean[0] = 0.02 / c, 0.1 / c
-    slow, decay = np.zeros((n, size)), np.exp(-h / 2.0)
+    slow, decay, felt = np.zeros((n, size)), np.exp(-h / 2.0), 0.0
     slow[0, 1] = 0.3
     for k in range(1, n):
         x[k], x_mean[k] = a * x[k - 1], a * x_mean[k - 1] + b * points[k - 1].u[0]
         x[k, 1 + n + k - 1] += b * 0.2
         slow[k] = decay * slow[k - 1]
-        slow[k, 1 + k] = 0.3 * np.sqrt(1.0 - decay**2)
+        felt = decay * felt + points[k].u[0] - points[k - 1].u[0]
+        slow[k, 1 + k] = np.hypot(0.3, each * felt) * np.sqrt(1.0 - decay**2)
     current = -x / r
     for k in range(n):
         current[k, 1 + n + k] += 0.2 / r
@@ -86,17 +92,26 @@ def dense_likelihood(points: list[Sample]) -> float:
     return float(-0.5 * (off @ np.linalg.solve(covariance, off) + log_det))
 
 
-def test_the_likelihood_is_that_of_the_joint_distribution() -> None:
-    """Innovations one by one give the density of all readings, with input noise, slow error and missing values."""
+@pytest.mark.parametrize(("text", "each"), [(RC, 0.0), (AFTER, 0.4)])
+def test_the_likelihood_is_that_of_the_joint_distribution(text: str, each: float) -> None:
+    """Innovations one by one give the density of all readings, with input noise, slow error and missing values.
+
+    Also of a slow error that is larger after the input has moved.
+    """
     points = recording()
-    plant, records, begin = prepared(RC, points)
-    assert evaluate_likelihood(plant, records, begin).value == pytest.approx(dense_likelihood(points), rel=1e-9)
+    plant, records, begin = prepared(text, points)
+    assert evaluate_likelihood(plant, records, begin).value == pytest.approx(dense_likelihood(points, each), rel=1e-9)
 
 
 def test_slopes_are_exact() -> None:
-    """The score is the derivative of the likelihood, also by the start and by the sizes of noise."""
-    text = RC.replace(", start: {q: 0.1 C, sd: 0.02 C}", "")
+    """The score is the derivative of the likelihood, also by start, noise, memories and what follows moves."""
+    text = AFTER.replace(", start: {q: 0.1 C, sd: 0.02 C}", "")
     plant, records, begin = prepared(text, recording())
+    old, layout = plant.unknowns, plant.layout
+    places = [*old.places[old.n_theta :].tolist(), layout.first_memory, layout.first_each]
+    parameters = tuple(zip(old.places.tolist(), old.parameters, strict=False))
+    plant = replace(plant, unknowns=unknowns_of(layout, plant.base, parameters, tuple(places)))
+    begin = replace(begin, values=plant.unknowns.nominal)
     found = evaluate_likelihood(plant, records, begin)
     for k in range(len(found.score)):
         values = []

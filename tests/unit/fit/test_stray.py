@@ -22,9 +22,10 @@ from faultbond.fit.imperfections import Imperfection, Kind
 from faultbond.fit.outcome import estimates_of
 from faultbond.fit.quiet_search import FEWEST, WORTH, Search
 from faultbond.fit.session import build_fit, free_parameters
-from faultbond.fit.stray import INSIDE, strayed_by
+from faultbond.fit.stray import INSIDE, Stray, strayed_by
 from faultbond.io.recording import write_recording
 from faultbond.model.text import load_model, parse_model
+from faultbond.report.fit_result import Fitted
 from faultbond.simulate import Inputs, random_steps, simulate
 from faultbond.synthesis.engine import build_model
 
@@ -257,3 +258,13 @@ def test_a_scale_that_all_others_have_in_common_takes_no_part(tmp_path: Path) ->
     assert gap / a == pytest.approx(7.0, rel=0.03)
     for name in ("C1", "C2", "K2"):
         assert graph.parameter(name).healthy_change < 0.02 * graph.parameter(name).nominal
+
+
+def test_what_strayed_with_another_may_be_off_as_far_as_it_moved() -> None:
+    """The larger counts of that and of what it seems to change by while healthy."""
+    graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
+    stray = Stray(parameter=graph.parameter("R"), accuracies=7.0, moves=(("R", 1.0), ("R_c", 0.4)))
+    fake = SimpleNamespace(healthy_changes={"R": 0.1, "R_c": 0.5, "V": 0.2}, strays=(stray,))
+    moves = cast(property, Fitted.moves).fget
+    assert moves is not None
+    assert moves(fake) == {"R": 1.0, "R_c": 0.5, "V": 0.2}

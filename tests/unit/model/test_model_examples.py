@@ -136,7 +136,7 @@ def test_rig_slow_errors(rig: BondGraph) -> None:
     flow, level = rig.slow_errors
     assert (flow.target, flow.relative, flow.memory) == ("demand4.f", False, 600.0)
     assert flow.sd == pytest.approx(5e-7)
-    assert (level.is_sensor, level.sd, level.after, level.each) == (True, 0.002, ("inflow", "outflow"), 50.0)
+    assert (level.is_sensor, level.sd, level.after, level.each) == (True, 0.002, ("inflow", "outflow"), (50.0, 50.0))
 
 
 def test_variable_grid() -> None:

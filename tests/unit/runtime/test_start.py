@@ -244,8 +244,8 @@ components:
   far: {type: C, law: q = C3*e, parameters: {C3: 8e-6 m^3/Pa}}
   nozzle: {type: R, law: f = Kn*(e + ambient), parameters: {Kn: 4.3e-8 m^3/s/Pa}}
 junctions: {a: 0, dry: 1, b: 0, ring: 1, c: 0}
-bonds: [compressor -> a -> receiver, a -> dry -> b -> near, dry -> dryer, b -> presses, b -> leaks, b -> ring -> c -> far,
-  ring -> pipe, c -> nozzle]
+bonds: [compressor -> a -> receiver, a -> dry -> b -> near, dry -> dryer, b -> presses, b -> leaks,
+  b -> ring -> c -> far, ring -> pipe, c -> nozzle]
 sensors:
   p1: {reads: a.e, unit: kPa, noise: 3 kPa}
   p2: {reads: b.e, unit: kPa, noise: 3 kPa}
@@ -255,7 +255,7 @@ sensors:
 
 @pytest.mark.parametrize("capacity", ["7.9e-6", "8.0e-6", "8.1e-6", "8.3e-6", "8.6e-6"])
 def test_where_only_the_very_zero_has_values_a_start_is_sought_from_elsewhere(capacity: str) -> None:
-    """Between equal pressures a turbulent flow has no slope: all at zero the plant has a course, one at 1 Pa it has none.
+    """Between equal pressures a turbulent flow has no slope: with all at zero the plant has a course, else none.
 
     By rounding, so that one capacity does and another does not. No state stays at zero where its sensor reads 680 kPa.
     """
