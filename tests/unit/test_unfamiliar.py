@@ -47,7 +47,8 @@ def course(u_in: FloatArray) -> list[PointBlock]:
         (501 - BEFORE, 402, 70.0, True),
         (300, 500 - BEFORE, 70.0, False),  # long before
         (501, 600, 70.0, False),  # after the alarm
-        (490, 495, 63.9, False),  # within a tenth of the range beside it
+        (490, 495, 61.9, False),  # within a twentieth of the range beside it
+        (490, 495, 62.9, True),
         (490, 495, 10.0, True),
         (490, 495, np.nan, False),
     ],

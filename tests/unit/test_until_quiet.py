@@ -339,7 +339,6 @@ def bare_search() -> Search:
     """Give a search that knows no recordings, for tests of what it chooses."""
     search = Search.__new__(Search)
     search.tell, search.refused = lambda _: None, {}
-    vars(search)["profile"] = lambda _: []
     return search
 
 
@@ -426,11 +425,12 @@ def test_a_lag_that_was_tried_in_vain_is_tried_once_more_where_it_promises_more(
     search.trained, search.all = (), cast("Any", SimpleNamespace(model=SimpleNamespace(direct=())))
     search.refused = {} if refused is None else {lag.key: refused}
     ground = SimpleNamespace(best_lag=lambda *_: (lag, gain))
+    monkeypatch.setattr(Search, "profile", lambda *_: [])
     monkeypatch.setattr(Search, "curves", lambda *_: [])
     monkeypatch.setattr(Search, "ground_with", lambda *_, **__: ground)
     monkeypatch.setattr(further, "late_ones", lambda *_: [(lag, 2.0 * HINT)])
     monkeypatch.setattr(further, "other_holds", lambda *_: [])
-    assert [item[1:] for item in further.worth_fitting(search, stand, [])] == ([(lag, gain)] if is_tried else [])
+    assert [item[1:] for item in further.worth_fitting(search, stand)] == ([(lag, gain)] if is_tried else [])
 
 
 @pytest.mark.parametrize(("both", "kept"), [(755.0, {Kind.LAG}), (900.0, {Kind.ABSOLUTE, Kind.LAG})])
@@ -542,31 +542,6 @@ def test_what_gains_nothing_beside_all_recordings_is_not_added(gain: float, monk
     monkeypatch.setattr(Search, "ground_with", lambda *_, **__: ground)
     found = further.better(bare_search(), stand)
     assert (found is not None) == (gain >= WORTH)
-
-
-@pytest.mark.parametrize(("at", "is_found"), [(0, True), (4, True), (8, True), (9, False)])
-def test_the_next_likeliest_are_tried_where_the_first_foretell_nothing(
-    at: int, is_found: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Three at a time, three times: slow errors of one place may all promise much, and not be what is missing."""
-    graph = parse_model(MODEL, file="m.yaml")
-    items = [Imperfection(kind=Kind.ABSOLUTE, place=f"p{k}", memory=2.0) for k in range(12)]
-    stand, search, fitted = Footing(graph=graph, values={}, starts={}), bare_search(), list[str]()
-    vars(search).update(profile=lambda _: [(item, 100.0 - k) for k, item in enumerate(items)], curves=lambda _: [])
-    search.trained, search.all = (), cast("Any", SimpleNamespace(model=SimpleNamespace(direct=())))
-
-    def climbed(stand: Footing, item: Imperfection, *, few: bool = False) -> Footing:
-        held = 50.0 if item.place == f"p{at}" else 0.5 * WORTH
-        fitted.extend([item.place] if few else [])
-        return replace(stand, held=held, added=(Added(what=item, trained=held, held=held),))
-
-    monkeypatch.setattr(Search, "ground_with", lambda *_, **__: SimpleNamespace(climbed=climbed))
-    monkeypatch.setattr(further, "late_ones", lambda *_: [])
-    monkeypatch.setattr(further, "other_holds", lambda *_: [])
-    monkeypatch.setattr(further, "added_together", lambda _, stand, more: replace(stand, held=50.0, added=tuple(more)))
-    found = further.better(search, stand)
-    assert [item.what.place for item in (found.added if found else ())] == ([f"p{at}"] if is_found else [])
-    assert fitted == [f"p{k}" for k in range(min(3 * (at // 3 + 1), 9))]
 
 
 def test_an_interval_has_a_length() -> None:

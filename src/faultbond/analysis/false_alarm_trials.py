@@ -102,9 +102,9 @@ def _first_errors(spec: EngineSpec, covariance: FloatArray, generator: np.random
 
     The estimates of slow errors are not: parameters that are off already stand in them. An error e of a filter that is
     right has cov(e, truth) = -P; so, given slow errors s of declared variance S that are zero, e has the covariance
-    P - P_s S^-1 P_s'.
+    P - P_s S^-1 P_s'. Of those that inputs kick S is not known, and they raise no alarm: they are let be.
     """
-    still = np.array([not item.wanders for item in spec.slow_errors], dtype=bool)
+    still = np.array([not item.wanders and not item.after for item in spec.slow_errors], dtype=bool)
     toward = (covariance[:, spec.slow_slice] / spec.slow_sizes)[:, still]
     known = covariance - toward @ toward.T
     sizes = np.sqrt(np.maximum(np.diag(known), 1e-300))

@@ -169,7 +169,10 @@ def identified(
                 stopped=quieted.stopped,
                 failed=quieted.failed,
             )
+        from faultbond.report.doubts import earlier_doubt  # noqa: PLC0415 - needed here alone
+
         fitted, stopped = _fitted(graph, read, wishes, tell)
+        fitted = replace(fitted, doubt=earlier_doubt(document.text))
         text = fitted.model_text(document.text)
         if stopped is None:
             fitted = _tried_out(text, fitted, read, tell)

@@ -27,6 +27,7 @@ from faultbond.model.amend import amended
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
 from faultbond.model.validity import without_states
+from faultbond.report.doubts import earlier_doubt
 from faultbond.report.fit_result import Fitted, fitted_model
 from faultbond.report.quiet_result import Quieted, Resized, amended_text, lowered_text, raised_text, widened_text
 from faultbond.runtime.core import Core
@@ -108,7 +109,7 @@ def _steps(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tel
     names = tuple(name for name, _ in held)
 
     def first(found: Fit) -> Quieted:
-        fitted = fitted_model(graph, found, core.spec.version)
+        fitted = replace(fitted_model(graph, found, core.spec.version), doubt=earlier_doubt(text))
         return Quieted(fitted=fitted, text=fitted.model_text(text), held=names, stated=stated, promise=promise)
 
     try:
@@ -229,7 +230,8 @@ def _as_it_stands(search: Search, stand: Footing, now: Quieted, text: str, graph
 
 def _fitted(graph: BondGraph, stated: BondGraph, found: Fit, now: Quieted) -> Fitted:
     """Give what a fit means for a plant with what was added to the one that was stated."""
-    return replace(fitted_model(graph, found, now.fitted.version), added=_further(graph, stated))
+    fitted = fitted_model(graph, found, now.fitted.version)
+    return replace(fitted, added=_further(graph, stated), doubt=now.fitted.doubt)
 
 
 def _further(graph: BondGraph, stated: BondGraph) -> frozenset[str]:

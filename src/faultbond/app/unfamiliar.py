@@ -10,7 +10,7 @@ from faultbond.io.grid import PointBlock
 from faultbond.model.graph import BondGraph, Input
 from faultbond.report.numbers import figure, join, unit_text
 
-BEYOND = 0.1  # of its range in these recordings by which an input must lie beyond it
+BEYOND = 0.05  # of its range in these recordings by which an input must lie beyond it
 LEAST = 0.02  # of its largest value there, at least
 BEFORE = 100  # samples before the alarm in which that counts, and all from the onset on
 

@@ -21,7 +21,6 @@ from faultbond.fit.foothold import Added, Footing, keys_of
 from faultbond.fit.imperfections import Imperfection, parameter_name
 from faultbond.fit.quiet_search import AGAIN, CLOSE, FEWEST, WORTH, Ground, Search
 
-ATTEMPTS = 3  # to find what gains, in a round
 TRIED = 3  # of the best of each kind, in each round
 PROMISING = 0.15  # of what the best would gain with all else as it stands; what would gain less is not fitted
 WORTHY = 0.1  # of the best gain; what gains as much may be kept with the best
@@ -30,35 +29,14 @@ MOST_BESIDE = 3  # kept in a round
 
 
 def better(search: Search, stand: Footing) -> Footing | None:
-    """Give where the best further imperfection leads; None: none foretells what was held back better.
-
-    Where none of the likeliest does, the next ones are tried: of one place there may be several that are alike.
-    """
-    profile = search.profile(stand)
-    for _ in range(ATTEMPTS):
-        tried = worth_fitting(search, stand, profile)
-        if not tried:
-            break
-        search.tell(f"fitting {', '.join(item.words for _, item, _ in tried)}")
-        found = [ground.climbed(stand, item, few=True) for ground, item, _ in tried]
-        best = _best(search, stand, tried, found)
-        if best is not None:
-            return best
-        profile = [item for item in profile if item[0].key not in {what.key for _, what, _ in tried}]
-    return None
-
-
-def _best(
-    search: Search, stand: Footing, tried: Sequence[tuple[Ground, Imperfection, float]], found: Sequence[Footing]
-) -> Footing | None:
-    """Give where the best of those that were fitted leads, with those that belong beside it; None: none gains.
-
-    tried : what was fitted, and what it promised; found : where each led
-    """
+    """Give where the best further imperfection leads; None: none foretells what was held back better."""
+    if not (tried := worth_fitting(search, stand)):
+        return None
+    search.tell(f"fitting {', '.join(item.words for _, item, _ in tried)}")
+    found = [ground.climbed(stand, item, few=True) for ground, item, _ in tried]
     gained = [item.held - stand.held if np.isfinite(item.held) else -np.inf for item in found]
     most = max(gained, default=-np.inf)
     if not most >= WORTH:
-        search.refused |= {what.key: max(promised, HINT) for _, what, promised in tried if not what.is_slow}
         return None
     near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
     best = min(near, key=lambda item: item.unknown)
@@ -81,18 +59,14 @@ def _best(
     return alone if alone.held - stand.held >= WORTH else None  # it may have gained by other values of parameters
 
 
-def worth_fitting(
-    search: Search, stand: Footing, profile: Sequence[tuple[Imperfection, float]]
-) -> list[tuple[Ground, Imperfection, float]]:
+def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfection, float]]:
     """Give what is worth to be fitted, each with a plant that may have it and its gain with the rest as it is.
 
     Slow errors, lags and curves are weighed among their like: a slow error takes at once what a lag does with others
     only. A lag or a curve that was tried in vain is tried once more where it promises more than then: something else is
     there now.
-
-    profile : slow errors and noise, and what each would gain, the best first
     """
-    slow = [item for item in profile if item[1] > 0.0][:TRIED]
+    slow = [item for item in search.profile(stand) if item[1] > 0.0][:TRIED]
     slow = [item for item in slow if item[1] >= PROMISING * slow[0][1]]
     lags = [item for item, gain in late_ones(stand, search.trained) if gain > HINT and _is_new(search, stand, item)]
     between = [

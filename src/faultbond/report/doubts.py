@@ -1,5 +1,6 @@
 """Doubtful numbers of a model in words: far outside what was declared, of a fit too, or of a sign that cannot be."""
 
+import re
 from collections.abc import Iterator, Sequence
 
 from faultbond.contract.json_records import Record
@@ -7,6 +8,7 @@ from faultbond.contract.spec import EngineSpec
 from faultbond.equations.passivity import Active, active_elements
 from faultbond.fit.stray import Stray, doubts_of
 from faultbond.model.graph import BondGraph
+from faultbond.model.rewrite import MARK
 from faultbond.report.numbers import MINUS, join, with_unit
 
 MOVED = 1.0  # accuracies by which a healthy parameter seems to move; more is told of a model
@@ -48,6 +50,28 @@ def stray_remark(strays: Sequence[Stray]) -> str:
         return ""
     names = [f"{item.parameter.name} ({item.accuracies:+.0f} accuracies)".replace("-", MINUS) for item in strays]
     return f" DOUBTFUL, far outside what was declared: {join(names)}; look at {join(list(stray_places(strays)))}."
+
+
+_REMARK = re.compile(r" DOUBTFUL, far outside what was declared.*?; look at [^.]*\.")
+_BEFORE = " before an earlier fit"
+
+
+def earlier_doubt(text: str) -> str:
+    """Give what the first line of a model says that an earlier fit found doubtful, to be said again; empty: nothing.
+
+    By now that is what the model declares, so nothing of it is far away any more.
+    """
+    first = text.partition("\n")[0]
+    found = _REMARK.search(first) if first.startswith(MARK) else None
+    return "" if found is None else found[0].replace("declared:", f"declared{_BEFORE}:")
+
+
+def doubt_texts(doubt: str) -> list[str]:
+    """Say what an earlier fit found doubtful."""
+    if not doubt:
+        return []
+    told = doubt.removeprefix(" DOUBTFUL, ")
+    return [f"{told} If the law has been mended, delete the first line of the file"]
 
 
 def stray_records(strays: Sequence[Stray]) -> list[Record]:

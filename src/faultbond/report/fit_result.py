@@ -34,7 +34,7 @@ from faultbond.model.graph import BondGraph, Correlation, Input, Sensor, SlowErr
 from faultbond.model.rewrite import NewParameter, NewSize, parameter_path, rewrite
 from faultbond.model.text import parse_model
 from faultbond.report.console import headline, lines, table, title, under
-from faultbond.report.doubts import stray_records, stray_remark, stray_sentence, stray_texts
+from faultbond.report.doubts import doubt_texts, stray_records, stray_remark, stray_sentence, stray_texts
 from faultbond.report.numbers import (
     MINUS,
     change_text,
@@ -62,6 +62,7 @@ class Fitted:
     strays: parameters that the fit puts far outside what was declared
     apart: whether it is left out how fitted parameters go together, as they do not while healthy
     added: parameters that no file declared, but a search for what is missing
+    doubt: what an earlier fit found doubtful, as the first line of the model says
     alarms: when the fitted model alarms on the recordings, s, by their names; None: it was not asked
     """
 
@@ -76,6 +77,7 @@ class Fitted:
     strays: tuple[Stray, ...] = ()
     apart: bool = False
     added: frozenset[str] = frozenset()
+    doubt: str = ""
     alarms: Mapping[str, float] | None = None
 
     @property
@@ -100,7 +102,7 @@ class Fitted:
         sizes = [NewSize(name=item.name, times=item.to_declare / item.declared) for item in changed]
         what = [*(item.parameter.name for item in self.estimates), *(f"noise of {item.name}" for item in changed)]
         remark = f"{', '.join(Path(item.name).name for item in self.found.records)}: {join(what)}."
-        remark += stray_remark(self.strays)
+        remark += stray_remark(self.strays) or self.doubt
         parameters = [_new_parameter(item) for item in self.estimates]
         written = rewrite(text, self.graph, parameters, sizes, remark)
         written = with_correlations(written, correlation_rows(self.correlations))
@@ -153,6 +155,7 @@ class Fitted:
         for item in self.graph.parameters:
             accuracy, value = fitted.get(item.name, (item.accuracy, item.nominal))
             found, least = moves.get(item.name, 0.0), core_settings()["MOVES_BY"] * accuracy
+            found = max(found, item.healthy_change if self.doubt else 0.0)
             if found > least or (item.name in self.healthy_changes and item.healthy_change > least):
                 told.append((item.name, _spread_text(max(found, least), item.nominal and value, item.unit)))
         return tuple(told)
@@ -384,7 +387,7 @@ def _parameter_row(item: Estimate, *, is_added: bool) -> tuple[str, ...]:
 
 def remarks(fitted: Fitted) -> list[tuple[str, str]]:
     """Say what the parameters' table does not: combinations that do not show, and wider errors."""
-    told = under("doubtful", stray_texts(fitted.strays))
+    told = under("doubtful", stray_texts(fitted.strays) or doubt_texts(fitted.doubt))
     samples, unknown = sum(len(item.time) for item in fitted.found.records), len(fitted.estimates) + len(fitted.noises)
     if samples < ENOUGH * unknown:
         told.append(

@@ -1,6 +1,6 @@
-"""Inputs that act as a product with one parameter alone: a wrong gain of the one is a change of the other."""
+"""Inputs that act with one parameter alone, as in G*u or K*u**0.8: a wrong gain of the one is a change of the other."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import casadi as ca
 import numpy as np
@@ -8,24 +8,33 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.equations.plant import Plant
 
-TIMES = 1.37  # by which the input is larger and the parameter smaller
+TIMES = (1.37, 0.81)  # by which the input is larger
 TOLERANCE = 1e-9  # of the larger of two values
 TRIALS = 3  # points at which that is tried
 SPREAD = (0.5, 2.0)  # of values about what they are
+LATE = 5.0  # samples: a gain of an input that lags less comes about as early as a change of the parameter
+MOST_POWER = 10.0
+SECANTS = 30  # to the power with which the input acts
+Values = Callable[[float, float], FloatArray]  # by how much the input is larger, and the parameter smaller
 
 
 def factors_of_inputs(plant: Plant) -> tuple[int, ...]:
-    """Give for each input the suspect parameter with which alone it acts, as a product; -1: there is none.
+    """Give for each input the suspect parameter with which alone it acts, times a power of it; -1: there is none.
 
-    An input with a lag has none: a gain of it comes as late as the input, and a change of the parameter at once.
+    An input with a longer lag has none: a gain of it comes as late as the input, and a change of the parameter at once.
     """
-    values = ca.vertcat(plant.rates, plant.readings, plant.gap)
+    graph, values = plant.graph, ca.vertcat(plant.rates, plant.readings, plant.gap)
     function = ca.Function("values", [plant.x, plant.u, plant.theta, plant.b, plant.z], [ca.densify(values)])
-    points = list(_points(plant))
+    points, stores = list(_points(plant)), [item.name for item in plant.network.states]
     found = []
-    for k in range(len(plant.graph.inputs)):
-        named = (j for j, known in enumerate(plant.graph.parameters) if known.suspect and known.nominal != 0.0)
-        alike = (j for j in named if all(_is_product(function, point, k, j) for point in points))
+    for k, item in enumerate(graph.inputs):
+        lag = graph.parameter(item.lag).nominal if item.lag else 0.0
+        if lag > LATE * (graph.sample_time or 0.0):
+            found.append(-1)
+            continue
+        behind = stores.index(f"{item.name}.lagged") if item.lag else -1
+        named = (j for j, known in enumerate(graph.parameters) if known.suspect and known.nominal != 0.0)
+        alike = (j for j in named if _act_together([_values(function, point, k, behind, j) for point in points]))
         found.append(next(alike, -1))
     return tuple(found)
 
@@ -41,17 +50,57 @@ def _points(plant: Plant) -> Iterator[list[FloatArray]]:
         yield drawn
 
 
-def _is_product(function: ca.Function, point: list[FloatArray], number: int, parameter: int) -> bool:
-    """Tell whether an input that is larger and a parameter that is as much smaller change nothing; one alone does."""
+def _values(function: ca.Function, point: list[FloatArray], number: int, behind: int, parameter: int) -> Values:
+    """Give what tells rates and readings with an input, and what lags behind it, larger, and a parameter smaller.
+
+    behind : the state that lags behind the input, of which the rate is left out; -1: none does
+    """
 
     def values(larger: float, smaller: float) -> FloatArray:
-        u, theta = point[1].copy(), point[2].copy()
+        x, u, theta = point[0].copy(), point[1].copy(), point[2].copy()
         u[number] *= larger
         theta[parameter] /= smaller
-        return np.asarray(function(point[0], u, theta, *point[3:]))[:, 0]
+        if behind >= 0:
+            x[behind] *= larger
+        found = np.asarray(function(x, u, theta, *point[3:]))[:, 0]
+        return found if behind < 0 else np.delete(found, behind)
 
-    usual, both, alone = values(1.0, 1.0), values(TIMES, TIMES), values(TIMES, 1.0)
-    if not np.all(np.isfinite([usual, both, alone])):
+    return values
+
+
+def _act_together(points: Sequence[Values]) -> bool:
+    """Tell whether an input that is larger and a parameter that is smaller change nothing; one alone does.
+
+    By the same power of the input everywhere.
+    """
+    power = _power(points[0])
+    return power is not None and all(
+        _is_same(values(1.0, 1.0), values(times, times**power)) and not _is_same(values(1.0, 1.0), values(times, 1.0))
+        for values in points
+        for times in TIMES
+    )
+
+
+def _is_same(one: FloatArray, other: FloatArray) -> bool:
+    if not np.all(np.isfinite([one, other])):
         return False
-    size = TOLERANCE * np.maximum(np.abs(usual), np.abs(both))
-    return bool(np.all(np.abs(both - usual) <= size) and np.any(np.abs(alone - usual) > size))
+    return bool(np.all(np.abs(one - other) <= TOLERANCE * np.maximum(np.abs(one), np.abs(other))))
+
+
+def _power(values: Values) -> float | None:
+    """Give the power of the input that the parameter makes up for, by secants on what changes most, or None."""
+    times, usual = TIMES[0], values(1.0, 1.0)
+    changed = values(times, 1.0) - usual
+    if not np.all(np.isfinite(changed)):
+        return None
+    most = int(np.argmax(np.abs(changed) / np.maximum(np.abs(usual), 1e-300)))
+    one, two = 0.0, 1.0
+    left_one, left_two = changed[most], (values(times, times) - usual)[most]
+    for _ in range(SECANTS):
+        if left_two == left_one or not np.isfinite(left_two):
+            break
+        one, two, left_one = two, two - left_two * (two - one) / (left_two - left_one), left_two
+        if not abs(two) < MOST_POWER:
+            return None
+        left_two = (values(times, times**two) - usual)[most]
+    return two

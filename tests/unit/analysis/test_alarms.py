@@ -121,3 +121,16 @@ def test_a_filter_that_has_learned_begins_with_slow_errors_that_are_not_zero(mon
     sizes = np.sqrt(np.maximum(np.diag(error), 1e-8))
     assert np.abs((drawn - error) / np.outer(sizes, sizes)).max() < 0.03
     assert error[place, place] > 0.2 * covariance[place, place]
+
+
+def test_a_slow_error_that_inputs_kick_is_drawn_as_uncertain_as_it_is() -> None:
+    """After a move it is larger than declared, so of it the difference to that has no covariance to be drawn from."""
+    spec = build_spec(example("tank"))
+    place = spec.slow_slice.start
+    kicked = replace(spec.slow_errors[0], after=((0, 0.1),))
+    after = replace(spec, slow_errors=(kicked, *spec.slow_errors[1:]))
+    covariance = np.diag(np.full(spec.n_joint, 1e-12))
+    covariance[place, place] = (1e4 * spec.slow_sizes[0]) ** 2
+    drawn = false_alarm_trials._first_errors(after, covariance, np.random.default_rng(1))
+    assert np.std(drawn[:, place]) == pytest.approx(1e4 * spec.slow_sizes[0], rel=0.2)
+    assert np.all(np.isfinite(drawn))

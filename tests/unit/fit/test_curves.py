@@ -351,7 +351,6 @@ def test_a_curve_beside_others_has_to_be_needed(
     monkeypatch.setattr(further, "FEWEST", 0.5)
     search = Search.__new__(Search)
     search.tell, search.refused = lambda _: None, {}
-    vars(search)["profile"] = lambda _: []
     found = further.better(search, stand)
     assert found is not None
     assert "".join(item.what.place[0] for item in found.added) == kept

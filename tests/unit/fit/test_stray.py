@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from faultbond.app import quiet_fit
 from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
 from faultbond.app.likelihood import likelihood_engine
@@ -92,6 +93,30 @@ def test_what_strayed_with_another_is_doubtful(recording: Path, capsys: pytest.C
     said = " ".join(capsys.readouterr().out.split())
     assert "accuracies above what was declared, together with R_c" in said
     assert "R and R_c are far outside what was declared: mend the model at R and cable" in said
+
+
+@pytest.mark.parametrize("way", [(), ("--until-quiet",)])
+def test_what_an_earlier_fit_found_doubtful_stays_so(
+    way: tuple[str, ...], recording: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A fit of what a fit wrote finds nothing far away: that is declared by now, and as doubtful as before.
+
+    Until the user, who has mended the law, deletes the line that says so.
+    """
+    monkeypatch.setattr(quiet_fit, "_smallest", lambda *_: [(), ()])
+    _, new = fitted(recording, "2 ohm")
+    once, again = load_model(new), recording.with_name("again.yaml")
+    capsys.readouterr()
+    assert main(["fit", str(new), str(recording), "-o", str(again), "--starts", "1", *way]) == DONE
+    first = again.read_text(encoding="utf-8").splitlines()[0]
+    assert "DOUBTFUL, far outside what was declared before an earlier fit: R (+" in first
+    assert "look at R and cable." in first
+    assert "doubtful far outside what was declared before an earlier fit" in " ".join(capsys.readouterr().out.split())
+    for name in ("R", "R_c"):
+        assert load_model(again).parameter(name).healthy_change >= 0.99 * once.parameter(name).healthy_change > 0.0
+    new.write_text(new.read_text(encoding="utf-8").partition("\n")[2], encoding="utf-8")
+    assert main(["fit", str(new), str(recording), "-o", str(again), "--starts", "1", *way]) == DONE
+    assert "DOUBTFUL" not in again.read_text(encoding="utf-8")
 
 
 def test_check_names_what_seems_to_move_far(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -268,3 +293,13 @@ def test_what_strayed_with_another_may_be_off_as_far_as_it_moved() -> None:
     moves = cast(property, Fitted.moves).fget
     assert moves is not None
     assert moves(fake) == {"R": 1.0, "R_c": 0.5, "V": 0.2}
+
+
+@pytest.mark.parametrize(("doubt", "size"), [("", "10 %"), (" DOUBTFUL", "40 %")])
+def test_how_far_a_doubtful_value_may_be_off_does_not_become_less(doubt: str, size: str) -> None:
+    """A fit of what was found finds that it stays; without a doubt that is what counts."""
+    graph = parse_model(MODEL.replace("RESISTANCE", "{nominal: 2 ohm, healthy_change: 40 %}"), file="m.yaml")
+    fake = SimpleNamespace(graph=graph, estimates=(), healthy_changes={"R": 0.2}, moves={"R": 0.2}, doubt=doubt)
+    changes = cast(property, Fitted.declared_changes).fget
+    assert changes is not None
+    assert dict(changes(fake))["R"] == size
