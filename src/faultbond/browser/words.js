@@ -218,7 +218,7 @@ function earlySentence(diagnosis, detection) {
   return `This is early, ${withNoun(since, "sample")} after the alarm: up to ${MODEL.lastRenewal} it may still change.`;
 }
 
-const EVENLY = "each set that is tested has an even share of this in its percentage.";
+const EVENLY = "that stands in the percentages above, in equal parts.";
 
 // What may be true beside the candidates.
 function besideText(diagnosis) {

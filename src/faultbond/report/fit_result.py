@@ -412,8 +412,9 @@ def remarks(fitted: Fitted) -> list[tuple[str, str]]:
         first = fitted.found.changes[0]
         names = join(list(dict.fromkeys(item.parameter for item in fitted.found.changes)))
         where = f" of {Path(first.recording).name}" if len(fitted.found.records) > 1 else ""
-        about = f"about {clock_text(first.time)}{where}. Is it healthy?"
-        told.append(("not steady", f"{names}; most of all {first.parameter}, {about}"))
+        named = f"; most of all {first.parameter}" if names != first.parameter else ", most of all"
+        question = "" if first.parameter in fitted.added else ". Is it healthy?"
+        told.append(("not steady", f"{names}{named} about {clock_text(first.time)}{where}{question}"))
     told += under("wanders", [_wander_text(item) for item in fitted.wanders])
     moves = [f"{name} {size}" for name, size in fitted.declared_changes]
     if moves:

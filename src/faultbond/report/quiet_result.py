@@ -321,7 +321,11 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
 
     graph: the model as it was given
     """
-    texts = [f"{item.what.words}: {join([x.words for x in item.alike])}" for item in found.added if item.alike]
+    texts = [
+        f"{' or '.join(x.words for x in item.alike)}, in place of {item.what.words}"
+        for item in found.added
+        if item.alike
+    ]
     so_far = " so far" if found.unfinished else ""
     nothing = f"nothing{so_far} that foretells what was held back better"
     told = under("as good", texts) if found.added else [("", nothing)]
@@ -353,7 +357,8 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
         )
         parts.append(cost)
     if found.health is not None and (not found.quiet or found.raised or not found.health.has_room):
-        parts.append(QuietPart(title="What could not be mended", lines=tuple(_left_lines(found, found.health))))
+        left = "Nearest to an alarm" if found.quiet else "What could not be mended"
+        parts.append(QuietPart(title=left, lines=tuple(_left_lines(found, found.health))))
     return tuple(parts)
 
 

@@ -12,7 +12,7 @@ from faultbond.types import TimeGrid
 
 NEGLIGIBLE = 0.001  # probability that is not worth a word
 CONTRADICTED = "The data contradict them all: their order tells which comes nearest, and none is likely."
-EVENLY = "each set that is tested has an even share of this in its percentage."
+EVENLY = "that stands in the percentages above, in equal parts."
 LITTLE_SEEN = 500  # samples: an alarm that comes earlier may as well tell that the model never fitted
 
 
