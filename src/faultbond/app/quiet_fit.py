@@ -230,8 +230,9 @@ def _as_it_stands(search: Search, stand: Footing, now: Quieted, text: str, graph
 
 def _fitted(graph: BondGraph, stated: BondGraph, found: Fit, now: Quieted) -> Fitted:
     """Give what a fit means for a plant with what was added to the one that was stated."""
-    fitted = fitted_model(graph, found, now.fitted.version)
-    return replace(fitted, added=_further(graph, stated), doubt=now.fitted.doubt)
+    fitted, added = fitted_model(graph, found, now.fitted.version), _further(graph, stated)
+    strays = tuple(item for item in fitted.strays if item.parameter.name not in added)  # nobody declared these
+    return replace(fitted, added=added, strays=strays, doubt=now.fitted.doubt)
 
 
 def _further(graph: BondGraph, stated: BondGraph) -> frozenset[str]:

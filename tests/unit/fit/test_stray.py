@@ -18,8 +18,8 @@ from faultbond.cli import DONE, main
 from faultbond.fit import cure
 from faultbond.fit.cure import cured, strayed
 from faultbond.fit.foothold import Added, Footing
-from faultbond.fit.identification import fit_plant
-from faultbond.fit.imperfections import Imperfection, Kind
+from faultbond.fit.identification import Fit, fit_plant
+from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
 from faultbond.fit.outcome import estimates_of
 from faultbond.fit.quiet_search import FEWEST, WORTH, Search
 from faultbond.fit.session import build_fit, free_parameters
@@ -303,3 +303,19 @@ def test_how_far_a_doubtful_value_may_be_off_does_not_become_less(doubt: str, si
     changes = cast(property, Fitted.declared_changes).fget
     assert changes is not None
     assert dict(changes(fake))["R"] == size
+
+
+def test_what_a_search_added_was_declared_by_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So it is no doubtful number, however far the last fit moves it from where the search had it."""
+    stated = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
+    lag = Imperfection(kind=Kind.LAG, place="V", size=0.1)
+    graph = with_imperfections(stated, (lag,))
+    strays = [Stray(parameter=graph.parameter(name), accuracies=7.0, moves=((name, 1.0),)) for name in ("R", "V_lag")]
+    fitted = Fitted(
+        graph=graph, found=cast(Fit, None), version="1", estimates=(), noises=(), silences=(), strays=tuple(strays)
+    )
+    monkeypatch.setattr(quiet_fit, "fitted_model", lambda *_: fitted)
+    now = SimpleNamespace(fitted=SimpleNamespace(version="1", doubt=""))
+    found = quiet_fit._fitted(graph, stated, cast(Fit, None), cast(Any, now))
+    assert [item.parameter.name for item in found.strays] == ["R"]
+    assert found.added == {"V_lag"}
