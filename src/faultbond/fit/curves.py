@@ -10,7 +10,7 @@ from faultbond.equations.constraint_network import build_network
 from faultbond.equations.step import StepModel
 from faultbond.fit.bend import bend_by
 from faultbond.fit.imperfections import TEMPERATURE, Imperfection, Kind, assignments, parameter_name
-from faultbond.model.expression import Expression, Name, Number, names, powers, rebuilt
+from faultbond.model.expression import Binary, Expression, Name, Number, names, powers, rebuilt
 from faultbond.model.graph import BondGraph, Check, Component
 from faultbond.model.parser import to_text
 from faultbond.types import CheckKind, ElementType
@@ -43,6 +43,7 @@ class _Law:
     """A law by its canonical signals and inputs, those that it is solved for, and stores at its ports.
 
     bases : what it raises to a power, of more than a name; outside : signals and inputs that stand elsewhere
+    left : what stands alone on its left; factors : by which the right is multiplied
     """
 
     parameters: frozenset[str]
@@ -52,6 +53,8 @@ class _Law:
     outside: tuple[str, ...]
     near: tuple[str, ...]
     bends: bool
+    left: str
+    factors: frozenset[str]
 
 
 def bendable_parameters(model: StepModel) -> tuple[Bendable, ...]:
@@ -80,7 +83,8 @@ def _bendable(graph: BondGraph, parameter: str, laws: Sequence[_Law]) -> Bendabl
     spoken: list[Expression] = []
     for law in laws:
         bases = [one for one in law.bases if parameter not in names(one) and not set(names(one)) & (named - free)]
-        spoken += [*bases, *(Name(name) for name in (law.outside if bases else law.named) if name in free)]
+        named_by = law.outside if bases else law.named
+        spoken += [*bases, *(one for name in named_by if name in free for one in _spoken(law, name, parameter))]
     shown_by = [name for item in shown for name in names(item.reads) if name not in numbers]
     spoken += [Name(name) for name in shown_by if name in inputs or not laws]
     within = {name for one in spoken for name in names(one)}
@@ -93,6 +97,31 @@ def _bendable(graph: BondGraph, parameter: str, laws: Sequence[_Law]) -> Bendabl
         near=tuple(map(Name, dict.fromkeys(near))),
         others=tuple(dict.fromkeys(others)),
     )
+
+
+def _spoken(law: _Law, name: str, parameter: str) -> tuple[Expression, ...]:
+    """Give what a parameter may go with, of a signal of its law.
+
+    Where the law is `e = K*f*abs(f)`, e/K stands for the flow, so that a change of K is found as large as it is: over e
+    itself e/K**(1 - n) would go with the flow. What stands alone on the left of another law stands for nothing in it.
+    """
+    if name != law.left:
+        return (Name(name),)
+    return (Binary("/", Name(name), Name(parameter)),) if parameter in law.factors else ()
+
+
+def _factors(expression: Expression) -> frozenset[str]:
+    """Give the names by which a product is multiplied; an offset beside it counts as nothing."""
+    match expression:
+        case Name(name):
+            return frozenset({name})
+        case Binary("+", one, Name(_)):
+            return _factors(one)
+        case Binary("*", one, other):
+            return _factors(one) | _factors(other)
+        case Binary("/", one, _):
+            return _factors(one)
+    return frozenset()
 
 
 def _shown_of(graph: BondGraph, name: str, parameter: str) -> Expression:
@@ -113,16 +142,22 @@ def _numbers(graph: BondGraph) -> set[str]:
 
 def _laws(model: StepModel) -> list[_Law]:
     graph, network = model.plant.graph, model.plant.network
+    acting = {f"{item.name}.lagged": Name(item.name) for item in graph.inputs if item.lag}
+
+    def stated(one: Expression) -> Expression:  # an input that lags is called as the laws call it
+        return acting.get(one.text, one) if isinstance(one, Name) else one
+
     solved = {(item.owner, item.signal) for item in assignments(model.plant.steps)}
     parameters, numbers = {item.name for item in graph.parameters}, _numbers(graph)
     found = []
     for part in graph.components:
-        residuals = [item.residual for item in network.constraints if item.owner == part.name]
+        residuals = [rebuilt(item.residual, stated) for item in network.constraints if item.owner == part.name]
         for law, residual in zip(part.laws, residuals, strict=True):
             raised = dict(powers(residual))
             exponents = {name for one in raised.values() for name in names(one)}
             bases = [one for one in raised if not isinstance(one, Name) and set(names(one)) - numbers]
             named = tuple(name for name in names(residual) if name not in numbers)
+            alone = residual.left if isinstance(residual, Binary) and residual.operator == "-" else residual
             degrees = any(graph.signal_unit(name).text == TEMPERATURE for name in names(law.left))
             found.append(
                 _Law(
@@ -133,6 +168,8 @@ def _laws(model: StepModel) -> list[_Law]:
                     outside=tuple(name for name in names(_without(residual, bases)) if name in named),
                     near=_near(model, part),
                     bends=part.type in BENDABLE and not law.store and not degrees,  # a part of degrees is nothing
+                    left=alone.text if isinstance(law.left, Name) and isinstance(alone, Name) else "",
+                    factors=_factors(law.right),
                 )
             )
     return found

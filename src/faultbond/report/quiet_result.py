@@ -10,6 +10,7 @@ from rich.text import Text
 
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.contract.json_records import Record
+from faultbond.fit.bend import Bend
 from faultbond.fit.foothold import Added
 from faultbond.fit.imperfections import KIND_HOLDS, TERMS, Imperfection, Kind, parameter_name, with_imperfections
 from faultbond.fit.innovations import Variant
@@ -17,7 +18,7 @@ from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.trial import Health
 from faultbond.model.amend import Path, amended
 from faultbond.model.dump import law_text, scalar_text
-from faultbond.model.expression import Number, powers
+from faultbond.model.expression import Binary, Expression, Name, Number, powers
 from faultbond.model.graph import BondGraph, SlowError, Unit
 from faultbond.model.parser import to_text
 from faultbond.model.rewrite import MARK, NewSize, parameter_path, rewrite
@@ -369,6 +370,8 @@ def _curve_words(graph: BondGraph, item: Imperfection) -> str:
     """
     bend, power = item.bend, f"{item.size:.3g}".replace("-", MINUS)
     assert bend is not None  # noqa: S101 - of a curve
+    if bend.by == Binary("/", Name(bend.name), Name(item.place)) and item.size < 1.0:
+        return _other_power(graph, item, bend)
     given = {known.name: known.unit for known in graph.inputs}
     unit = given.get(item.by) or graph.signal_unit(item.by)
     usual = f"{short(unit.from_si(bend.usual))} {unit_text(unit.text)}".rstrip()
@@ -384,6 +387,30 @@ def _curve_words(graph: BondGraph, item: Imperfection) -> str:
         f"{item.place} goes with {size} to the power {power}, beside what its law says{whole}; "
         f"its value is that at {usual}"
     )
+
+
+def _other_power(graph: BondGraph, item: Imperfection, bend: Bend) -> str:
+    """Say of a curve over what a law is for, such as the pressure of `e = K*f*abs(f)`, with which power that goes."""
+    laws = (law.right for part in graph.components if item.place in part.parameters for law in part.laws)
+    rest = next((one for right in laws if (one := _without_factor(right, item.place))), None)
+    usual, words = short(bend.usual), "what its law says" if rest is None else to_text(rest)
+    return (
+        f"{bend.name} goes with {words} to the power {1.0 / (1.0 - item.size):.3g}, by its law to 1; "
+        f"{item.place} has its value where that is {usual}"
+    )
+
+
+def _without_factor(expression: Expression, name: str) -> Expression | None:
+    """Give a product without one of its factors; None where that is none of them."""
+    match expression:
+        case Binary("*", Name(one), other) if one == name:
+            return other
+        case Binary("*", one, Name(other)) if other == name:
+            return one
+        case Binary(("*" | "/") as operator, one, other):
+            left = _without_factor(one, name)
+            return None if left is None else Binary(operator, left, other)
+    return None
 
 
 def told_in_file(found: Quieted) -> str:

@@ -38,11 +38,12 @@ from faultbond.fit.imperfections import (
 from faultbond.fit.quiet_search import WORTH, Search
 from faultbond.io.recording import write_recording
 from faultbond.model.expression import Binary, Name
-from faultbond.model.graph import BondGraph
+from faultbond.model.graph import BondGraph, Check
 from faultbond.model.parser import to_text
 from faultbond.model.text import load_model, parse_model
 from faultbond.report.numbers import MINUS
 from faultbond.report.quiet_result import _added_row, _curve_words, amended_text
+from faultbond.types import CheckKind
 
 COOLER = """
 name: cooler
@@ -142,7 +143,10 @@ def test_a_power_has_a_usual_size_and_an_end() -> None:
 
 
 def test_parameters_go_with_what_their_laws_do_not_give() -> None:
-    """Neither with what stands on the left, nor with what a law is solved for; none of stores, none in an exponent."""
+    """Neither with what stands on the left, nor with what a law is solved for; none of stores, none in an exponent.
+
+    Of a flow that follows from the pressure on the left, `K*f*abs(f)`, what that is K times stands for it.
+    """
     cooler, duct, blocks = (
         {
             item.parameter: tuple([to_text(one) for one in some] for some in (item.spoken, item.near, item.others))
@@ -158,9 +162,43 @@ def test_parameters_go_with_what_their_laws_do_not_give() -> None:
     assert duct == {
         "P": (["speed/full"], ["line.f"], ["damper"]),
         "K": (["full/damper", "line.f"], [], ["speed"]),
-        "K_out": (["box.e"], ["line.f"], ["speed", "damper"]),  # the law gives the flow
+        "K_out": (["box.e/K_out"], ["line.f"], ["speed", "damper"]),  # the law gives the flow
     }
     assert blocks == {"H": (["n"], [], []), "R": (["P"], [], ["H*n"])}  # which a sensor shows
+
+
+def test_a_change_of_what_goes_with_its_own_flow_is_found_as_large_as_it_is() -> None:
+    """Where the pressure is as many times as large as K the flow is the same, by whichever power it goes with it."""
+    graph = parse_model(DUCT)
+    model = build_step_model(build_plant(graph))
+    (curve,) = (item for item in possible_curves(model, courses_of(model), ()) if item.by == "box.e/K_out")
+    bent = build_plant(with_imperfections(graph, (replace(curve, size=-0.145),)))
+    flow = ca.Function("flow", [bent.x, bent.u, bent.theta, bent.b, bent.z], [bent.rates])
+    x, u = np.array([0.7 * 450.0, 300.0 * 0.02]), np.array([0.8, 0.6])
+    theta = np.array([item.nominal for item in bent.graph.parameters])
+    names = [item.name for item in bent.graph.parameters]
+    numbers = np.zeros(bent.b.numel()), np.zeros(bent.z.numel())
+
+    def out_of_the_box(pressure: float, k: float) -> float:
+        changed = theta.copy()
+        changed[names.index("K_out")] *= k
+        box = [item.name for item in bent.network.states].index("plenum.q")
+        into = x.copy()
+        into[box] = 0.02 * pressure
+        return float(np.asarray(flow(into, u, changed, *numbers))[box, 0])
+
+    usual = out_of_the_box(300.0, 1.0)
+    assert out_of_the_box(1.35 * 300.0, 1.35) == pytest.approx(usual, rel=1e-12)
+    assert out_of_the_box(1.35 * 300.0, 1.3) != pytest.approx(usual, rel=1e-3)
+
+
+def test_of_an_input_that_lags_the_laws_know_the_name() -> None:
+    """What a law raises to a power is called as it is there, so that it can be asked for and written."""
+    text = DUCT.replace("speed: {unit: percent}", "speed: {unit: percent, lag: 3 s}")
+    model = build_step_model(build_plant(parse_model(text)))
+    assert "speed/full" in movers_of(model)
+    checks = tuple(Check(name=key, kind=CheckKind.SIGNAL, reads=one) for key, one in movers_of(model).items())
+    build_plant(replace(model.plant.graph, checks=checks))
 
 
 def test_a_constant_of_a_meter_may_go_with_what_it_measures() -> None:
