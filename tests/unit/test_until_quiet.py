@@ -59,7 +59,7 @@ from faultbond.model.expression import Name
 from faultbond.model.graph import BondGraph, SlowError
 from faultbond.model.parser import to_text
 from faultbond.model.text import load_model, parse_model
-from faultbond.report.fit_result import Fitted
+from faultbond.report.fit_result import Fitted, noise_rows
 from faultbond.report.health import health_record, where_lines
 from faultbond.report.quiet_result import (
     Quieted,
@@ -1401,3 +1401,18 @@ def test_transient_errors_of_several_inputs_come_and_go_one_by_one() -> None:
     (read,) = back.slow_errors
     assert read.after == ("V", "W")
     assert read.each == pytest.approx((0.1, 0.2))
+
+
+def test_the_size_of_an_error_that_is_there_after_moves_alone_is_not_told() -> None:
+    """It is written since a slow error has one; what counts is how much larger it is after a move."""
+    text = MODEL + "slow_error: {i: {size: SIZE A over 1 s, after: [V], each: 0.01 A/V}}\n"
+    for size, told in (("0.5e-3", ["i"]), ("5e-3", ["i", "slow error of i"])):
+        graph = parse_model(text.replace("SIZE", size))
+        (sensor,), (error,) = graph.sensors, graph.slow_errors
+        noises = [
+            NoiseFound(of=sensor, declared=0.05, found=0.04, sd=0.001),
+            NoiseFound(of=error, declared=error.sd, found=0.5 * error.sd, sd=0.1 * error.sd),
+        ]
+        whiteness = (SimpleNamespace(sensor="i", words="white"),)
+        fitted = SimpleNamespace(graph=graph, noises=noises, found=SimpleNamespace(whiteness=whiteness))
+        assert [row[0] for row in noise_rows(cast("Any", fitted))] == told

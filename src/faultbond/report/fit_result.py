@@ -49,6 +49,7 @@ from faultbond.report.numbers import (
 from faultbond.report.together import closest_texts
 
 ENOUGH = 10  # samples for each value that is sought
+FORMAL = 0.05  # of the noise of a sensor; a slow error as small is declared for the sake of what it does after moves
 AT_MOST = 0.999  # of what is declared; a slow error is not found larger
 _CLOSE = 0.1  # accuracies by which what is read back from the file may differ, from rounding
 HEADER = ("name", "component", "nominal", "estimate ± sd", "unit", "change", "accuracy", "from the data")
@@ -419,7 +420,7 @@ def remarks(fitted: Fitted) -> list[tuple[str, str]]:
     moves = [f"{name} {size}" for name, size in fitted.declared_changes]
     if moves:
         told.append(("seems to move", f"{join(moves)} (sd) on healthy data; a fault must change them by more"))
-    biases = [f"{name} by {size}" for name, size in fitted.declared_biases]
+    biases = [f"{name} by {size}" for name, size in fitted.declared_biases if fitted.moves.get(name, 0.0) > 0.0]
     if biases:
         told.append(("seems off", f"{join(biases)} (sd) on healthy data; a fault must bias them by more"))
     most = max((item.inflation for item in fitted.estimates), default=0.0)
@@ -451,9 +452,12 @@ def _silence_text(item: Silence) -> str:
 def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:
     """Give the cells of each sensor and slow error: name, declared and found size, unit, what is left."""
     tests = {item.sensor: item.words for item in fitted.found.whiteness}
+    noise = {item.name: item.noise for item in fitted.graph.sensors}
     for item in fitted.noises:
         is_sensor = isinstance(item.of, Sensor)
         unit = item.of.unit
+        if isinstance(item.of, SlowError) and item.of.after and item.declared < FORMAL * noise.get(item.of.target, 0.0):
+            continue  # it is there after moves alone
         if isinstance(item.of, SlowError):
             stated = unit if unit.text else fitted.graph.signal_unit(item.of.target)
             unit = Unit("%", 0.01) if item.of.relative else stated
