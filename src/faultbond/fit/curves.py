@@ -227,14 +227,15 @@ def possible_curves(
 
 def _curve(item: Bendable, by: Expression, course: FloatArray, numbers: Collection[str]) -> Imperfection | None:
     name = "_".join(name for name in names(by) if name not in numbers)
-    bend = bend_by(by, name, course, own=by in item.spoken)
+    is_own = by in item.spoken
+    bend = bend_by(by, name, course, own=is_own)
     if bend is None:
         return None
     size = 0.01 / float(np.std(bend.logarithm(course)))
-    return Imperfection(kind=Kind.CURVE, place=item.parameter, bend=bend, size=size)
+    return Imperfection(kind=Kind.CURVE, place=item.parameter, bend=bend, size=size, foreign=not is_own)
 
 
-def likeliest_curves(model: StepModel, asked: Iterable[tuple[Imperfection, float]]) -> list[tuple[Imperfection, float]]:
+def likeliest_curves(asked: Iterable[tuple[Imperfection, float]]) -> list[tuple[Imperfection, float]]:
     """Give each curve with the power that gains most, and that gain; the likeliest first.
 
     Over what its laws do not speak of one has to gain FOREIGN times as much as the best of the parameter over what they
@@ -242,14 +243,11 @@ def likeliest_curves(model: StepModel, asked: Iterable[tuple[Imperfection, float
 
     asked : curves and what they would gain, nats
     """
-    spoken = {(item.parameter, to_text(one)) for item in bendable_parameters(model) for one in item.spoken}
     order = sorted(asked, key=lambda item: item[1])
     best = sorted({item.key: (item, gain) for item, gain in order}.values(), key=lambda item: item[1])
-    own = {item.place: gain for item, gain in best if (item.place, item.by) in spoken}  # the last is the largest
+    own = {item.place: gain for item, gain in best if not item.foreign}  # the last is the largest
     worthy = [
-        (item, gain)
-        for item, gain in best
-        if (item.place, item.by) in spoken or gain > FOREIGN * max(own.get(item.place, 0.0), 0.0)
+        (item, gain) for item, gain in best if not item.foreign or gain > FOREIGN * max(own.get(item.place, 0.0), 0.0)
     ]
     return sorted(worthy, key=lambda item: item[1], reverse=True)
 

@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from faultbond.errors import StructureError
+from faultbond.fit.curves import FOREIGN
 from faultbond.fit.delays import HINT, late_ones, other_holds
 from faultbond.fit.foothold import Added, Footing, keys_of
 from faultbond.fit.imperfections import Imperfection, parameter_name
@@ -39,7 +40,7 @@ def better(search: Search, stand: Footing) -> Footing | None:
     if not most >= WORTH:
         return None
     near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
-    best = min(near, key=lambda item: item.unknown)
+    best = _own_instead(stand, min(near, key=lambda item: item.unknown), found)
     hidden = [item for item in found if best.added[-1].may_have(item.added[-1], WORTHY)]
     for (_, what, promised), item, gain in zip(tried, found, gained, strict=True):
         if gain < WORTH and item not in hidden:
@@ -57,6 +58,29 @@ def better(search: Search, stand: Footing) -> Footing | None:
     alike = tuple(item.added[-1].what for item in near if item is not best)
     alone = added_together(search, stand, [replace(best.added[-1], alike=alike)])
     return alone if alone.held - stand.held >= WORTH else None  # it may have gained by other values of parameters
+
+
+def _own_instead(stand: Footing, best: Footing, found: Sequence[Footing]) -> Footing:
+    """Give the curve of the same parameter over what its laws speak of, where that explains nearly as much.
+
+    An input that drives a flow is on healthy data as good as the flow; only a fault of the flow tells them apart, and
+    is then found too large.
+    """
+    what, most = best.added[-1].what, _gain(stand, best)
+    own = [
+        item
+        for item in found
+        if item.added[-1].what.kind is what.kind
+        and item.added[-1].what.place == what.place
+        and not item.added[-1].what.foreign
+        and FOREIGN * _gain(stand, item) >= most
+    ]
+    return max(own, key=lambda item: _gain(stand, item)) if what.foreign and own else best
+
+
+def _gain(stand: Footing, item: Footing) -> float:
+    """Give what recordings gain, those fitted and those held back, nats."""
+    return item.few - stand.few + item.held - stand.held
 
 
 def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfection, float]]:

@@ -59,6 +59,7 @@ class Imperfection:
     law : of an offset the component that gives the signal, and which of its laws does
     bend : of a curve, what the parameter goes with
     after : of a transient error, the input
+    foreign : whether a curve goes with what the laws of its parameter do not speak of
     """
 
     kind: Kind
@@ -69,6 +70,7 @@ class Imperfection:
     law: tuple[str, int] = ("", 0)
     bend: Bend | None = None
     after: str = ""
+    foreign: bool = False
 
     @property
     def by(self) -> str:

@@ -259,7 +259,7 @@ class Search:
         with suppress(StructureError):  # the equations may be left without an order in which to solve them
             tried = [power for item in new for power in powers_of(item)]
             gains = self.ground_with(stand, new, slopes=False).gains_of(stand, tried)
-            return likeliest_curves(self.all.model, zip(tried, gains.tolist(), strict=True))
+            return likeliest_curves(zip(tried, gains.tolist(), strict=True))
         return []
 
     def asking(self, stand: Footing) -> tuple[dict[str, float], Callable[[Sequence[Imperfection]], list[float]]]:

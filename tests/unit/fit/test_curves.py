@@ -312,17 +312,51 @@ def test_powers_change_the_law_by_as_much(model: StepModel) -> None:
         )
 
 
+def curve_over(by: str, *, foreign: bool) -> Imperfection:
+    """Give a curve of h."""
+    return Imperfection(kind=Kind.CURVE, place="h", bend=Bend(Name(by), by, 1.0, 0.1), foreign=foreign)
+
+
+def test_which_curves_are_foreign(model: StepModel) -> None:
+    """Those over what the laws of the parameter do not speak of."""
+    spoken = {(item.parameter, to_text(one)) for item in bendable_parameters(model) for one in item.spoken}
+    for item in possible_curves(model, courses_of(model), everything_of(model)):
+        assert item.foreign == ((item.place, item.by) not in spoken)
+
+
+@pytest.mark.parametrize(("own", "kept"), [(81.0, "flow"), (79.0, "pump")])
+@pytest.mark.parametrize("place", ["h", "k"])
+def test_a_curve_over_what_drives_a_flow_does_not_stand_for_one_over_the_flow(
+    own: float, kept: str, place: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where that of the same parameter gains nearly as much; a fault of the flow alone tells them apart."""
+    pump, flow = curve_over("pump", foreign=True), replace(curve_over("flow", foreign=False), place=place)
+    stand, search = Footing(graph=parse_model(COOLER), values={}, starts={}), Search.__new__(Search)
+
+    def climbed(stand: Footing, item: Imperfection, *, few: bool) -> Footing:
+        gain = 50.0 if item is pump else 0.5 * own
+        return replace(stand, held=gain, few=gain, added=(Added(what=item, trained=gain, held=gain),))
+
+    tried = [(SimpleNamespace(climbed=climbed), item, 9.0) for item in (pump, flow)]
+    monkeypatch.setattr(further, "worth_fitting", lambda *_: tried)
+    monkeypatch.setattr(further, "_joint", lambda *_: None)
+    monkeypatch.setattr(further, "added_together", lambda _, stand, more: replace(stand, held=40.0, added=tuple(more)))
+    search.tell, search.refused = lambda _: None, {}
+    found = further.better(search, stand)
+    assert found is not None
+    assert [item.what.by for item in found.added] == [kept if place == "h" else "pump"]
+
+
 @pytest.mark.parametrize(("factor", "kept"), [(0.99, ["flow/usual"]), (1.01, ["metal_side.e", "flow/usual"])])
 def test_what_the_law_speaks_of_comes_first(factor: float, kept: list[str]) -> None:
     """A curve over something else has to gain a quarter more; of each the best power counts."""
-    model = build_step_model(build_plant(parse_model(COOLER)))
     gains = {"flow/usual": 40.0, "metal_side.e": 40.0 * FOREIGN * factor, "load": -3.0}
     asked = [
-        (Imperfection(kind=Kind.CURVE, place="h", bend=Bend(Name(by), by, 1.0, 0.1), size=size), gain - size)
+        (replace(curve_over(by, foreign=by != "flow/usual"), size=size), gain - size)
         for by, gain in gains.items()
         for size in (0.2, 0.0, 0.1)
     ]
-    found = likeliest_curves(model, asked)
+    found = likeliest_curves(asked)
     assert [(item.by, item.size, gain) for item, gain in found] == [(by, 0.0, gains[by]) for by in kept]
 
 
