@@ -15,7 +15,7 @@ SPREAD = (0.5, 2.0)  # of values about what they are
 LATE = 5.0  # samples: a gain of an input that lags less comes about as early as a change of the parameter
 MOST_POWER = 10.0
 SECANTS = 30  # to the power with which the input acts
-Answers = Callable[[float, float], FloatArray]  # by how much the input is larger, and the parameter smaller
+Probe = Callable[[float, float], FloatArray]  # by how much the input is larger, and the parameter smaller
 
 
 def factors_of_inputs(plant: Plant) -> tuple[int, ...]:
@@ -50,7 +50,7 @@ def _points(plant: Plant) -> Iterator[list[FloatArray]]:
         yield drawn
 
 
-def _values(function: ca.Function, point: list[FloatArray], number: int, behind: int, parameter: int) -> Answers:
+def _values(function: ca.Function, point: list[FloatArray], number: int, behind: int, parameter: int) -> Probe:
     """Give what tells rates and readings with an input, and what lags behind it, larger, and a parameter smaller.
 
     behind : the state that lags behind the input, of which the rate is left out; -1: none does
@@ -68,7 +68,7 @@ def _values(function: ca.Function, point: list[FloatArray], number: int, behind:
     return values
 
 
-def _act_together(points: Sequence[Answers]) -> bool:
+def _act_together(points: Sequence[Probe]) -> bool:
     """Tell whether an input that is larger and a parameter that is smaller change nothing; one alone does.
 
     By the same power of the input everywhere.
@@ -87,7 +87,7 @@ def _is_same(one: FloatArray, other: FloatArray) -> bool:
     return bool(np.all(np.abs(one - other) <= TOLERANCE * np.maximum(np.abs(one), np.abs(other))))
 
 
-def _power(values: Answers) -> float | None:
+def _power(values: Probe) -> float | None:
     """Give the power of the input that the parameter makes up for, by secants on what changes most, or None."""
     times, usual = TIMES[0], values(1.0, 1.0)
     changed = values(times, 1.0) - usual
