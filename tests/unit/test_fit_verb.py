@@ -218,7 +218,7 @@ def test_a_model_that_alarms_on_its_recordings_says_so(
     assert set(record["alarms"]) == {str(first), str(second)}
     assert load_model(tmp_path / "off.yaml").false_alarms == 2
     told = " ".join(capsys.readouterr().out.split())
-    assert re.search(r"most of all R, about \S+ s of (first|second)\.csv\. Is it healthy\?", told)
+    assert re.search(r"R, most of all about \S+ s of (first|second)\.csv\. Is it healthy\?", told)
     soonest = min((first, second), key=lambda path: record["alarms"][str(path)])
     assert f"It alarms on 2 of 3 healthy recordings, soonest on {soonest} at " in told
     assert call("fit", tmp_path / "off.yaml", steady, "-o", tmp_path / "right.yaml")["alarms"] == {}

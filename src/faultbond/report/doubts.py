@@ -48,12 +48,17 @@ def stray_remark(strays: Sequence[Stray]) -> str:
     """Say the same on the line of a comment; empty where none strays."""
     if not strays:
         return ""
-    names = [f"{item.parameter.name} ({item.accuracies:+.0f} accuracies)".replace("-", MINUS) for item in strays]
-    return f" DOUBTFUL, far outside what was declared: {join(names)}; look at {join(list(stray_places(strays)))}."
+    names = [f"{item.parameter.name} ({item.accuracies:+.0f} accuracies{_beside(item)})" for item in strays]
+    told = join(names).replace("-", MINUS)
+    return f" DOUBTFUL, far outside what was declared: {told}; look at {join(list(stray_places(strays)))}."
+
+
+def _beside(item: Stray) -> str:
+    return f"{_WITH}{join(list(item.partners))}" if item.partners else ""
 
 
 _REMARK = re.compile(r" DOUBTFUL, far outside what was declared.*?; look at [^.]*\.")
-_BEFORE = " before an earlier fit"
+_BEFORE, _WITH = " before an earlier fit", ", with "
 
 
 def earlier_doubt(text: str) -> str:
@@ -64,6 +69,11 @@ def earlier_doubt(text: str) -> str:
     first = text.partition("\n")[0]
     found = _REMARK.search(first) if first.startswith(MARK) else None
     return "" if found is None else found[0].replace("declared:", f"declared{_BEFORE}:")
+
+
+def is_shared(doubt: str) -> bool:
+    """Tell whether values were doubtful together, so that how far each may be off was declared."""
+    return _WITH in doubt
 
 
 def doubt_texts(doubt: str) -> list[str]:

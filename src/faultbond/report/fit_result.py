@@ -34,7 +34,7 @@ from faultbond.model.graph import BondGraph, Correlation, Input, Sensor, SlowErr
 from faultbond.model.rewrite import NewParameter, NewSize, parameter_path, rewrite
 from faultbond.model.text import parse_model
 from faultbond.report.console import headline, lines, table, title, under
-from faultbond.report.doubts import doubt_texts, stray_records, stray_remark, stray_sentence, stray_texts
+from faultbond.report.doubts import doubt_texts, is_shared, stray_records, stray_remark, stray_sentence, stray_texts
 from faultbond.report.numbers import (
     MINUS,
     change_text,
@@ -156,7 +156,7 @@ class Fitted:
         for item in self.graph.parameters:
             accuracy, value = fitted.get(item.name, (item.accuracy, item.nominal))
             found, least = moves.get(item.name, 0.0), core_settings()["MOVES_BY"] * accuracy
-            found = max(found, item.healthy_change if self.doubt else 0.0)
+            found = max(found, item.healthy_change if is_shared(self.doubt) else 0.0)
             if found > least or (item.name in self.healthy_changes and item.healthy_change > least):
                 told.append((item.name, _spread_text(max(found, least), item.nominal and value, item.unit)))
         return tuple(told)

@@ -295,7 +295,9 @@ def test_what_strayed_with_another_may_be_off_as_far_as_it_moved() -> None:
     assert moves(fake) == {"R": 1.0, "R_c": 0.5, "V": 0.2}
 
 
-@pytest.mark.parametrize(("doubt", "size"), [("", "10 %"), (" DOUBTFUL", "40 %")])
+@pytest.mark.parametrize(
+    ("doubt", "size"), [("", "10 %"), (" R (+7 accuracies)", "10 %"), (" R (+7 accuracies, with R_c)", "40 %")]
+)
 def test_how_far_a_doubtful_value_may_be_off_does_not_become_less(doubt: str, size: str) -> None:
     """A fit of what was found finds that it stays; without a doubt that is what counts."""
     graph = parse_model(MODEL.replace("RESISTANCE", "{nominal: 2 ohm, healthy_change: 40 %}"), file="m.yaml")
