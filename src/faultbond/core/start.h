@@ -275,16 +275,12 @@ static void find_sizes(double (*samples)[N_SAMPLE], const int *unknown, int n, S
             const double measured = samples[t][SAMPLE_Y + j] * samples[t][SAMPLE_USE + j] / OUTPUT_NOISE[j];
             squares += measured * measured;
         }
-    const double total = sqrt(squares) + sqrt((double)memory->n_readings), *const footings[] = {START_MEAN, memory->centre};
-    int found = 0;
-    for (int k = 0; k < 2 && !found; k++) {
+    const double total = sqrt(squares) + sqrt((double)memory->n_readings), *const footings[] = {START_MEAN, memory->centre, memory->centre};
+    for (int k = 0; k < 3; k++) {
         memcpy(memory->from, footings[k], sizeof memory->from);
-        found = has_values(base, memory) && follow_secants(unknown, n, total, base, effect, memory);
-    }
-    if (!found) {
-        memcpy(memory->from, memory->centre, sizeof memory->from);
-        find_decade(unknown, n, base, memory);
-        follow_secants(unknown, n, total, base, effect, memory);
+        if (k == 2) find_decade(unknown, n, base, memory);
+        else if (!has_values(base, memory)) continue;
+        if (follow_secants(unknown, n, total, base, effect, memory)) break;
     }
     for (int c = 0; c < n; c++) {
         double *own = &size[unknown[c]], usual = fabs(memory->centre[unknown[c]]);
