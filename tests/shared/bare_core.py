@@ -37,6 +37,9 @@ bonds: [source -> first, first -> series, first -> node, node -> cell, more -> n
 sensors: {i: {reads: first.f, unit: A, noise: 5 mA}, v: {reads: node.e, unit: V, noise: 10 mV}}
 slow_error: {first.f: 1 % over 20 s}
 """
+FOLLOWING = CELL.replace(
+    "1 % over 20 s}", "1 % over 20 s, v: {size: 1 mV over 6 s, after: [V, W], each: [2 mV/V, 30 mV/A]}}"
+)
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
 PARTLY = (  # a test takes a part of all; gcc guesses at -O0, and clang does not know of what
     *("-Wno-unused-function", "-Wno-unused-const-variable", "-Wno-psabi"),

@@ -139,6 +139,19 @@ def test_how_far_a_value_seems_to_move_is_written(
     assert back.healthy_change == pytest.approx(0.5 * back.accuracy, rel=0.1)
 
 
+def test_an_input_that_seems_off_by_nothing_is_not_said_to_be_off(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What was stated is taken back in the file, and that is all."""
+    text = model.read_text(encoding="utf-8")
+    assert "V: {unit: V" in text
+    model.write_text(text.replace("V: {unit: V", "V: {healthy_bias: 0.1 V, unit: V"), encoding="utf-8")
+    steady = [write_current(tmp_path / f"{k}.csv", seed=k) for k in range(4)]
+    call("fit", model, *steady, "-o", tmp_path / "new.yaml")
+    assert load_model(tmp_path / "new.yaml").input("V").healthy_bias == 0.0
+    assert "seems off" not in capsys.readouterr().out
+
+
 def test_the_new_file_holds_what_was_found(model: Path, tmp_path: Path) -> None:
     """Only numbers change, and they are those of the record; accuracies are not below 1 %."""
     new = tmp_path / "new.yaml"

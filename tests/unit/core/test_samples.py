@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from bare_core import CELL, Bare, bare
+from bare_core import CELL, FOLLOWING, Bare, bare
 from faultbond.arrays import FloatArray
 from faultbond.synthesis.compile import find_compiler
 
@@ -31,9 +31,6 @@ void t_allow(State *state, const double *change, const double *count, double *pa
 }
 int64_t t_unknown(State *state) { return any_unknown(&state->inputs); }
 """
-FOLLOWING = CELL.replace(
-    "1 % over 20 s}", "1 % over 20 s, v: {size: 1 mV over 6 s, after: [V, W], each: [2 mV/V, 30 mV/A]}}"
-)
 DT, NONE = 0.5, (np.nan, np.nan)
 SIZES = np.array([2.0, 0.5])  # of the inputs V, W
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from bare_core import CELL, Bare, bare
+from bare_core import CELL, FOLLOWING, Bare, bare
 from faultbond.arrays import FloatArray
 from faultbond.contract.samples import Sample
 from faultbond.contract.spec import covariance_place
@@ -69,6 +69,12 @@ void t_drift(State *state, const double *moves, double *found)
     for (int64_t k = 0; k < PLAIN_NUMBERS; k++) lane[k] = broadcast(state->healthy.lane[k]);
     drift_on(&state->normal, moves[2], lane, PLAIN_JOINT);
     for (int64_t k = 0; k < PLAIN_NUMBERS; k++) found[k] = first_of(lane[k]);
+}
+void t_forget(State *state, double *change)
+{
+    static Told told;
+    forget_inputs(state, &told);
+    memcpy(change, told.inputs.change, sizeof told.inputs.change);
 }
 void t_said(State *state, const double *pair) { state->inputs.gain = said_for_second(pair[0], pair[1]); }
 """
@@ -141,8 +147,24 @@ def test_an_input_that_really_goes_far_is_believed_and_the_filter_is_as_if_it_al
     knows["inputs.highest"] = (1e3, 1.0)
     u, y = rows(np.r_[BEFORE, [300.0] * 40])
     took(knows, u[100:], y[100:])
-    assert core["inputs.change"] == pytest.approx(knows["inputs.change"])
     assert core["healthy.lane"][0] == pytest.approx(knows["healthy.lane"][0], rel=1e-3)
+
+
+def test_an_error_that_follows_an_input_feels_what_is_believed_at_last_and_nothing_of_a_past_that_is_read_anew() -> (
+    None
+):
+    """Of a voltage that really went to 300 V as much as if that had been known; of what was forgotten nothing."""
+    u, y = rows(np.r_[BEFORE, [300.0] * 15])
+    core, knows = begun(FOLLOWING), begun(FOLLOWING)
+    knows["inputs.highest"] = (1e3, 1.0)
+    for item in (core, knows):
+        took(item, u[100:], y[100:])
+    assert core["inputs.held"][0] == 300.0
+    assert knows["inputs.change"][0] > 10.0
+    assert core["inputs.change"][0] == pytest.approx(knows["inputs.change"][0], rel=0.1)  # one sample later
+    felt = np.full(2, NAN)
+    core.call("t_forget", felt)
+    assert felt.tolist() == [0.0, 0.0]
 
 
 def test_while_readings_do_not_tell_an_input_waits() -> None:

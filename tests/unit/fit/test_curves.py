@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import cast
 
 import casadi as ca
 import numpy as np
@@ -35,7 +36,8 @@ from faultbond.fit.imperfections import (
     with_imperfections,
     without_curve,
 )
-from faultbond.fit.quiet_search import WORTH, Search
+from faultbond.fit.likelihood import Likelihood, nominal_q
+from faultbond.fit.quiet_search import MOST_POWER, WORTH, Ground, Search
 from faultbond.io.recording import write_recording
 from faultbond.model.expression import Binary, Name
 from faultbond.model.graph import BondGraph, Check
@@ -190,6 +192,33 @@ def test_a_change_of_what_goes_with_its_own_flow_is_found_as_large_as_it_is() ->
     usual = out_of_the_box(300.0, 1.0)
     assert out_of_the_box(1.35 * 300.0, 1.35) == pytest.approx(usual, rel=1e-12)
     assert out_of_the_box(1.35 * 300.0, 1.3) != pytest.approx(usual, rel=1e-3)
+
+
+def test_what_is_offset_may_go_with_its_own_flow_too_and_is_told_by_the_power_of_that() -> None:
+    """The search asks with an offset of each law; 0.873 of f*abs(f) is a flow to 1.75, by the law to 2."""
+    graph = parse_model(DUCT)
+    law = laws_of_signals(build_step_model(build_plant(graph)))["box.e"]
+    offset = with_imperfections(graph, (Imperfection(kind=Kind.OFFSET, place="box.e", size=0.0, law=law),))
+    model = build_step_model(build_plant(offset))
+    (curve,) = (item for item in possible_curves(model, courses_of(model), ()) if item.by == "box.e/K_out")
+    words = _curve_words(graph, replace(curve, size=-0.145))
+    assert words.startswith(
+        "box.e goes with outlets.f*abs(outlets.f) to the power 0.873, by its law to 1; K_out has its value where"
+    )
+
+
+def test_no_law_has_an_absurd_power() -> None:
+    """A climb goes no farther, either way; with a power of 24 a filter loses its variance."""
+    graph = parse_model(COOLER)
+    curve = replace(curve_over("flow", foreign=False), size=0.3)
+    bent = with_imperfections(graph, (curve,))
+    model = build_step_model(build_plant(bent))
+    fake = SimpleNamespace(own=(), graph=graph, parameters=(), inside=frozenset(), step=1.0, longest=100.0)
+    ground = Ground(cast(Search, fake), bent, model, cast(Likelihood, None), slopes=False)
+    unknowns = ground.plant(nominal_q(model), (curve,)).unknowns
+    (k,) = (k for k, item in enumerate(unknowns.parameters) if item.name == parameter_name(curve))
+    ends = np.array([unknowns.lower[k], unknowns.upper[k]]) * unknowns.parameters[k].scale
+    assert sorted(ends) == pytest.approx([-MOST_POWER, MOST_POWER])
 
 
 def test_of_an_input_that_lags_the_laws_know_the_name() -> None:

@@ -1,6 +1,7 @@
 """Parameters far outside what was declared: what is told of them, and what may be missing in their place."""
 
 import json
+from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -27,6 +28,7 @@ from faultbond.fit.stray import INSIDE, Stray, strayed_by
 from faultbond.io.recording import write_recording
 from faultbond.model.text import load_model, parse_model
 from faultbond.report.fit_result import Fitted
+from faultbond.report.quiet_result import Quieted
 from faultbond.simulate import Inputs, random_steps, simulate
 from faultbond.synthesis.engine import build_model
 
@@ -321,3 +323,28 @@ def test_what_a_search_added_was_declared_by_nobody(monkeypatch: pytest.MonkeyPa
     found = quiet_fit._fitted(graph, stated, cast(Fit, None), cast(Any, now))
     assert [item.parameter.name for item in found.strays] == ["R"]
     assert found.added == {"V_lag"}
+
+
+def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What strays may be quiet, too; what is found then is added, and the model with it put on trial."""
+    graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
+    lag = Added(what=Imperfection(kind=Kind.LAG, place="V", size=0.1), trained=9.0, held=9.0)
+    stand = Footing(graph=graph, values={}, starts={})
+    more = replace(stand, held=9.0, added=(lag,))
+    cures, on_trial = [more, None], list[Footing]()
+
+    def attempt(stand: Footing, now: object, *_: object) -> Generator[object, None, tuple[object, object]]:
+        on_trial.append(stand)
+        yield now
+        return SimpleNamespace(quiet=True), now
+
+    monkeypatch.setattr(quiet_fit, "_seems_quiet", lambda *_: True)
+    monkeypatch.setattr(quiet_fit, "_cured", lambda *_, again: cures.pop(0) if again else None)
+    monkeypatch.setattr(quiet_fit, "_attempt", attempt)
+    monkeypatch.setattr(quiet_fit, "_as_it_stands", lambda _, stand, now, *more: now)
+    search = SimpleNamespace(lasting=lambda stand: stand, believed=frozenset())
+    now = Quieted(fitted=cast(Any, None), text="", held=(), stated=True, promise=1.0)
+    wishes = SimpleNamespace(prior="declared")
+    for _ in quiet_fit._searched(cast(Any, search), stand, now, "", graph, (), cast(Any, wishes), lambda _: None):
+        pass
+    assert on_trial == [more]

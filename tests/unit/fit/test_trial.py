@@ -15,7 +15,7 @@ from faultbond.equations.plant import build_plant
 from faultbond.fit.certainty import long_run_variance
 from faultbond.fit.cusum import LAGS, added, no_sums
 from faultbond.fit.false_alarms import FARTHEST, HIGHEST, alarm_rates, climb_time, cusum_time, scatter_time
-from faultbond.fit.innovations import Variant, Watch, take_recording, watch_recording, watch_taken
+from faultbond.fit.innovations import LOST, Variant, Watch, take_recording, watch_recording, watch_taken
 from faultbond.fit.objective import ways_of
 from faultbond.fit.response import A_LITTLE
 from faultbond.fit.samples import healthy_recording
@@ -77,6 +77,31 @@ def jumping(to: float, noise: str, silent: range = range(0)) -> tuple[Core, list
         Sample(time=step * k, dt=step, u=u, y=np.full(2, np.nan) if k in silent else y)
         for k, (u, y) in enumerate(zip(inputs.values, made.outputs, strict=True))
     ]
+
+
+def test_a_filter_that_has_lost_its_variance_is_far_off_and_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An absurd model has to be told from a quiet one; a root of what is below zero would end the search."""
+    core = build_engine(parse_model(CELL))[1]
+    rng, n = np.random.default_rng(1), 80
+    points = [
+        Sample(time=0.5 * k, dt=0.5, u=np.array([2.0, 0.1]), y=np.array([0.1, 1.0]) + 0.01 * rng.standard_normal(2))
+        for k in range(n)
+    ]
+    advance = Core.advance
+
+    def lost(core: Core, lane: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        lanes, found = advance(core, lane, rows)
+        found[40:, 2:] = -1.0
+        return lanes, found
+
+    def course(core: Core, lane: FloatArray, rows: FloatArray, _: slice) -> tuple[FloatArray, FloatArray]:
+        return np.zeros((len(rows), 1)), lost(core, lane, rows)[1][:, :, 0]
+
+    monkeypatch.setattr(Core, "advance", lost)
+    monkeypatch.setattr(Core, "course", course)
+    seen = watch_recording(core, healthy_recording("a.csv", points, core))[0]
+    assert np.all(seen.scores[45:] == LOST)
+    assert np.all(np.abs(seen.scores[20:35]) < 1e3)
 
 
 def test_it_sees_what_an_input_was_while_the_monitor_waited() -> None:
