@@ -17,7 +17,7 @@ class Couple:
     parameter : which becomes a suspect beside it; -1: it is an instrument
     beside : hypothesis of that instrument; -1: it is a parameter
     hypothesis : that which both are; of a parameter that drifts beside another one that of both as steps
-    alike : of an input that acts as a product with one parameter alone, the hypothesis of that parameter beside the
+    alike : of an input that acts with one parameter alone, the hypothesis of that parameter beside the
     other suspect: a wrong gain is the same as a step of that; -1: there is none
     gains : hypothesis of that input; -1: there is none
     """
@@ -82,7 +82,7 @@ def _alike(spec: EngineSpec, instrument: int, parameter: int, pairs: Sequence[tu
 
 
 def _factor(spec: EngineSpec, instrument: int) -> int:
-    """Give the parameter with which alone an instrument acts, as a product, if it is such an input; -1: none."""
+    """Give the parameter with which alone an instrument acts, if it is such an input; -1: none."""
     item = spec.instruments[instrument]
     return -1 if item.is_output else spec.inputs[item.index].factor
 

@@ -98,7 +98,7 @@ class InputSpec:
     hold: Hold = Hold.LAST  # what it is between two samples
     smooth: bool = False  # whether its noise is that of the record, and what acts is smooth
     healthy_bias: float = 0.0  # by which it seems to be off on healthy data, SI; 0: not known
-    factor: int = -1  # the parameter with which alone it acts, as a product; -1: none
+    factor: int = -1  # the parameter with which alone it acts; -1: none
     fitted_range: tuple[float, float] = (-inf, inf)  # where it was in the recordings of a fit, SI
 
     @property

@@ -115,7 +115,7 @@ static void find_bases_of(Bank *bank, const double *old, Match *match)
     }
 }
 
-/* Let one of the two bases be a wrong gain, of an input that acts as a product with one parameter alone: see `share_products`
+/* Let one of the two bases be a wrong gain, of an input that acts with one parameter alone: see `share_products`
    in ranking.h. */
 static void include_gain(Bank *bank, const double *old, Match *match)
 {

@@ -104,7 +104,7 @@ static double weight_of_gain(int64_t instrument)
     return weight;
 }
 
-/* Let a wrong gain of an input, and a step of the parameter with which alone the input acts, as a product, say what either
+/* Let a wrong gain of an input, and a step of the parameter with which alone the input acts, say what either
    says beside another suspect: they are the same, and lanes that begin elsewhere, or are not there, would tell them apart. Beside a
    sensor of each of its kinds, since not all of them have a lane with that gain. What is ruled out stays so. */
 static void share_products(const Bank *bank, int out, Ranking *ranking)

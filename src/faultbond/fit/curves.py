@@ -10,7 +10,7 @@ from faultbond.equations.constraint_network import build_network
 from faultbond.equations.step import StepModel
 from faultbond.fit.bend import bend_by
 from faultbond.fit.imperfections import TEMPERATURE, Imperfection, Kind, assignments, parameter_name
-from faultbond.model.expression import Binary, Expression, Name, Number, names, powers, rebuilt
+from faultbond.model.expression import Binary, Expression, Name, Number, factors, names, powers, rebuilt
 from faultbond.model.graph import BondGraph, Check, Component
 from faultbond.model.parser import to_text
 from faultbond.types import CheckKind, ElementType
@@ -110,20 +110,6 @@ def _spoken(law: _Law, name: str, parameter: str) -> tuple[Expression, ...]:
     return (Binary("/", Name(name), Name(parameter)),) if parameter in law.factors else ()
 
 
-def _factors(expression: Expression) -> frozenset[str]:
-    """Give the names by which a product is multiplied; an offset beside it counts as nothing."""
-    match expression:
-        case Name(name):
-            return frozenset({name})
-        case Binary("+", one, Name(_)):
-            return _factors(one)
-        case Binary("*", one, other):
-            return _factors(one) | _factors(other)
-        case Binary("/", one, _):
-            return _factors(one)
-    return frozenset()
-
-
 def _shown_of(graph: BondGraph, name: str, parameter: str) -> Expression:
     """Give what a sensor shows of an input, as the flow of a pump of its speed, where one does; else the input."""
     parameters = {item.name for item in graph.parameters}
@@ -169,7 +155,7 @@ def _laws(model: StepModel) -> list[_Law]:
                     near=_near(model, part),
                     bends=part.type in BENDABLE and not law.store and not degrees,  # a part of degrees is nothing
                     left=alone.text if isinstance(law.left, Name) and isinstance(alone, Name) else "",
-                    factors=_factors(law.right),
+                    factors=factors(law.right),
                 )
             )
     return found

@@ -15,7 +15,7 @@ from faultbond.arrays import FloatArray
 from faultbond.equations.sequence import Assignment, Step
 from faultbond.equations.step import StepModel
 from faultbond.fit.bend import Bend
-from faultbond.fit.likelihood import Layout
+from faultbond.fit.likelihood import Layout, felt_moves
 from faultbond.model.expression import Binary, Expression, Name, names, powers, rebuilt
 from faultbond.model.graph import BondGraph, Component, Parameter, Relation, SlowError, Unit
 from faultbond.model.parser import to_text
@@ -266,7 +266,7 @@ def _error(graph: BondGraph, item: Imperfection, known: SlowError | None) -> Slo
         return replace(new, sd=item.size, memory=item.memory)
     noise = next(sensor.noise for sensor in graph.sensors if sensor.name == item.place)
     new = known or SlowError(target=item.place, sd=HIDDEN * noise, relative=False, memory=0.0, is_sensor=True)
-    each = dict(zip(new.after, new.each, strict=True)) | {item.after: item.size}
+    each = new.by_input | {item.after: item.size}
     return replace(new, memory=item.memory, after=tuple(each), each=tuple(each.values()))
 
 
@@ -365,7 +365,7 @@ def without_slow_error(graph: BondGraph, item: Imperfection) -> BondGraph:
     """Give a plant without a slow error that it has, or without what that has of the moves of an input."""
     own, kept = (item.place, item.is_relative), list[SlowError]()
     for known in graph.slow_errors:
-        each = {name: x for name, x in zip(known.after, known.each, strict=True) if name != item.after}
+        each = {name: x for name, x in known.by_input.items() if name != item.after}
         if (known.target, known.relative) != own:
             kept.append(known)
         elif item.after and (each or not _is_hidden(graph, known)):
@@ -390,8 +390,7 @@ def size_place(graph: BondGraph, layout: Layout, item: Imperfection) -> int:
         return [known.name for known in graph.parameters].index(parameter_name(item))
     first, number = layout.first_noise + layout.n_y, _number(graph, item) if item.is_slow else 0
     if item.kind is Kind.TRANSIENT:
-        before = sum(len(known.after) for known in graph.slow_errors[:number])
-        return layout.first_each + before + graph.slow_errors[number].after.index(item.after)
+        return layout.first_each + felt_moves(graph).index((number, item.after))
     if item.is_slow:
         return first + number
     noisy = [known.name for known in graph.inputs if known.noise > 0.0]

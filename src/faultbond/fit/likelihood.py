@@ -18,6 +18,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
+from faultbond.model.graph import BondGraph
 
 _ANYWHERE = 1e3  # times the noise of a sensor: an sd that says nothing of what it reads
 
@@ -127,6 +128,11 @@ def sample_fields(n_inputs: int, n_outputs: int, n_held: int) -> dict[str, slice
     return {name: slice(*place) for name, place in zip(sizes, pairwise(ends), strict=True)}
 
 
+def felt_moves(graph: BondGraph) -> list[tuple[int, str]]:
+    """Give which moves slow errors feel, in the order of q: number of the error, and the input."""
+    return [(k, name) for k, item in enumerate(graph.slow_errors) for name in item.after]
+
+
 def layout_of(model: StepModel) -> Layout:
     """Give the sizes of a plant."""
     plant = model.plant
@@ -139,7 +145,7 @@ def layout_of(model: StepModel) -> Layout:
         n_u=plant.u.numel(),
         n_z=plant.z.numel(),
         n_held=sum(item.valid_when is not None for item in plant.graph.sensors),
-        n_felt=sum(len(item.after) for item in plant.graph.slow_errors),
+        n_felt=len(felt_moves(plant.graph)),
     )
 
 
@@ -242,7 +248,8 @@ def _sample(
         transition[place, :] = known.where(1 - off, transition[place, :])
         added[place, place] = off * sd**2
     decay = ca.exp(-fields["dt"] * ca.exp(-memories))
-    followed = _followed(model)
+    numbers = {item.name: i for i, item in enumerate(model.plant.graph.inputs)}
+    followed = [(k, numbers[name]) for k, name in felt_moves(model.plant.graph)]
     felt = ca.vertcat(
         *(felt[e] * decay[k] + fields["u"][i] - fields["u_before"][i] for e, (k, i) in enumerate(followed))
     )
@@ -267,13 +274,6 @@ def _sample(
     noise = ca.exp(2 * sensor_noise) * ca.vertcat(*growth)
     shift, covariance, seen = _update(fields, covariance, expected, slope, noise, judged, known)
     return ca.vertcat(mean + shift, _packed(covariance), felt), seen, implicit
-
-
-def _followed(model: StepModel) -> list[tuple[int, int]]:
-    """Give the changes that slow errors feel: number of the error, and of the input."""
-    graph = model.plant.graph
-    numbers = {item.name: k for k, item in enumerate(graph.inputs)}
-    return [(k, numbers[name]) for k, item in enumerate(graph.slow_errors) for name in item.after]
 
 
 def _parts_of_q(size: Layout) -> list[int]:

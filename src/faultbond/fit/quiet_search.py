@@ -43,7 +43,7 @@ from faultbond.fit.imperfections import (
     without_lag,
     without_slow_error,
 )
-from faultbond.fit.likelihood import Likelihood, build_begin, known_starts, layout_of, nominal_q
+from faultbond.fit.likelihood import Likelihood, build_begin, felt_moves, known_starts, layout_of, nominal_q
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recordings, ways_of
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.stray import INSIDE
@@ -373,15 +373,15 @@ class Ground:
         for k, item in enumerate(self.graph.parameters):
             q[k] = stand.values.get(item.name, item.nominal) / item.scale
         slow = {(item.target, item.relative): item for item in stand.graph.slow_errors}
-        first, felt = layout.first_noise + layout.n_y, 0
+        first = layout.first_noise + layout.n_y
         q[layout.first_noise : first] = np.log([item.noise for item in stand.graph.sensors])
         for k, error in enumerate(self.graph.slow_errors):
-            known = slow.get((error.target, error.relative), replace(error, sd=UNTRIED, after=(), each=()))
+            known = slow.get((error.target, error.relative), replace(error, sd=UNTRIED))
             q[first + k], q[layout.first_memory + k] = np.log(known.sd), np.log(known.memory)
-            each = dict(zip(known.after, known.each, strict=True))
-            for name in error.after:
-                q[layout.first_each + felt] = np.log(each.get(name, UNTRIED))
-                felt += 1
+        for place, (k, name) in enumerate(felt_moves(self.graph), start=layout.first_each):
+            error = self.graph.slow_errors[k]
+            stood = slow.get((error.target, error.relative))
+            q[place] = np.log(stood.by_input.get(name, UNTRIED) if stood else UNTRIED)
         for k, number in enumerate(self.model.noisy, start=first + layout.n_b):
             q[k] = np.log(max(stand.graph.inputs[number].noise, UNTRIED))
         return q

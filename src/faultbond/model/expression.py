@@ -106,6 +106,33 @@ def powers(expression: Expression) -> Iterator[tuple[Expression, Expression]]:
                 yield base, Number(0.5)
 
 
+def factors(expression: Expression) -> frozenset[str]:
+    """Give the names by which a product is multiplied; a constant that is added to it counts as nothing."""
+    match expression:
+        case Name(name):
+            return frozenset({name})
+        case Binary("+", one, Name(_)):
+            return factors(one)
+        case Binary("*", one, other):
+            return factors(one) | factors(other)
+        case Binary("/", one, _):
+            return factors(one)
+    return frozenset()
+
+
+def without_factor(expression: Expression, name: str) -> Expression | None:
+    """Give a product without one of its factors; None where that is none of them."""
+    match expression:
+        case Binary("*", Name(one), other) if one == name:
+            return other
+        case Binary("*", one, Name(other)) if other == name:
+            return one
+        case Binary(("*" | "/") as operator, one, other):
+            left = without_factor(one, name)
+            return None if left is None else Binary(operator, left, other)
+    return None
+
+
 def rebuilt(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
     """Give the expression with every part replaced by what `change` gives for it, innermost first."""
     match expression:

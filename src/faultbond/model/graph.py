@@ -283,6 +283,11 @@ class SlowError:
     line: int = 0
 
     @property
+    def by_input(self) -> dict[str, float]:
+        """How much larger its sd is for each unit, SI, by which an input in `after` changes."""
+        return dict(zip(self.after, self.each, strict=True))
+
+    @property
     def kind(self) -> str:
         """What it is, as a key and in records."""
         return "wander" if self.wanders else "slow_error"

@@ -18,7 +18,7 @@ from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.trial import Health
 from faultbond.model.amend import Path, amended
 from faultbond.model.dump import law_text, scalar_text
-from faultbond.model.expression import Binary, Expression, Name, Number, powers
+from faultbond.model.expression import Binary, Name, Number, powers, without_factor
 from faultbond.model.graph import BondGraph, SlowError, Unit
 from faultbond.model.parser import to_text
 from faultbond.model.rewrite import MARK, NewSize, parameter_path, rewrite
@@ -164,8 +164,8 @@ def _error_words(graph: BondGraph, error: SlowError, item: Imperfection) -> str:
     words = f"{_size_words(graph, replace(item, kind=kind, size=error.sd))} over {_memory_words(error.memory)}"
     if not error.after:
         return words
-    moves = zip(error.after, error.each, strict=True)
-    sizes = [_size_words(graph, replace(item, kind=Kind.TRANSIENT, after=name, size=x)) for name, x in moves]
+    moves = [replace(item, kind=Kind.TRANSIENT, after=name, size=x) for name, x in error.by_input.items()]
+    sizes = [_size_words(graph, move) for move in moves]
     return f"{{size: {words}, after: [{', '.join(error.after)}], each: [{', '.join(sizes)}]}}"
 
 
@@ -392,25 +392,12 @@ def _curve_words(graph: BondGraph, item: Imperfection) -> str:
 def _other_power(graph: BondGraph, item: Imperfection, bend: Bend) -> str:
     """Say of a curve over what a law is for, such as the pressure of `e = K*f*abs(f)`, with which power that goes."""
     laws = (law.right for part in graph.components if item.place in part.parameters for law in part.laws)
-    rest = next((one for right in laws if (one := _without_factor(right, item.place))), None)
+    rest = next((one for right in laws if (one := without_factor(right, item.place))), None)
     usual, words = short(bend.usual), "what its law says" if rest is None else to_text(rest)
     return (
         f"{bend.name} goes with {words} to the power {1.0 / (1.0 - item.size):.3g}, by its law to 1; "
         f"{item.place} has its value where that is {usual}"
     )
-
-
-def _without_factor(expression: Expression, name: str) -> Expression | None:
-    """Give a product without one of its factors; None where that is none of them."""
-    match expression:
-        case Binary("*", Name(one), other) if one == name:
-            return other
-        case Binary("*", one, Name(other)) if other == name:
-            return one
-        case Binary(("*" | "/") as operator, one, other):
-            left = _without_factor(one, name)
-            return None if left is None else Binary(operator, left, other)
-    return None
 
 
 def told_in_file(found: Quieted) -> str:

@@ -54,7 +54,7 @@ def build_spec(model: StepModel) -> EngineSpec:
             memory=error.memory,
             limit=limit,
             wanders=error.wanders,
-            after=tuple((positions[name], each) for name, each in zip(error.after, error.each, strict=True)),
+            after=tuple((positions[name], each) for name, each in error.by_input.items()),
         )
         for error, limit in zip(graph.slow_errors, limits, strict=True)
     )
