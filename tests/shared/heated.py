@@ -30,18 +30,19 @@ sensors:
 """
 
 
-def text(*, lag: bool = True, valid: bool = True) -> str:
+def text(*, lag: bool = True, valid: bool = True, order: int = 1) -> str:
     """Give the model, with or without a lag of the sensor at the heater and a word on when that reads as stated."""
-    return TEXT.replace("{lag}", ", lag: 6 s" if lag else "").replace("{valid}", VALID if valid else "")
+    stated = "6 s" if order == 1 else f"{{value: 6 s, order: {order}}}"
+    return TEXT.replace("{lag}", f", lag: {stated}" if lag else "").replace("{valid}", VALID if valid else "")
 
 
 @cache
-def core(*, lag: bool = True) -> Core:
+def core(*, lag: bool = True, order: int = 1) -> Core:
     """Give the core of the model."""
-    return build_engine(parse_model(text(lag=lag)))[1]
+    return build_engine(parse_model(text(lag=lag, order=order)))[1]
 
 
-def course(n: int, *, lag: bool = True, gain: float = 1.0, begins: int = 0, seed: int = 1) -> Samples:
+def course(n: int, *, lag: bool = True, order: int = 1, gain: float = 1.0, begins: int = 0, seed: int = 1) -> Samples:
     """Give a recording, one row a second; from `begins` on the heater gives `gain` of what it is told."""
     rng = np.random.default_rng(seed)
     time = np.arange(n, dtype=float)
@@ -51,14 +52,16 @@ def course(n: int, *, lag: bool = True, gain: float = 1.0, begins: int = 0, seed
         power[a:b], flow[a:b] = 0.0, 0.0
     y: FloatArray = np.zeros((n, 2))
     gains = np.where(np.arange(n) < begins, 1.0, gain)
-    warm = before = blown = 10.0
+    warm = before = 10.0
+    blown = [10.0] * order
     for k in range(n):
         if k:
-            blown += (1.0 - np.exp(-1.0 / LAG)) * (before - blown)
+            for stage, behind in enumerate([before, *blown[:-1]]):
+                blown[stage] += (1.0 - np.exp(-order / LAG)) * (behind - blown[stage])
             warm += (gains[k] * power[k - 1] - LOSS * warm) / CAPACITY
         now = warm + gains[k] * power[k] / (AIR * flow[k]) if flow[k] > 0 else warm - 3.0
         before = now
-        y[k] = warm, blown if lag and k else now
+        y[k] = warm, blown[-1] if lag and k else now
     dt = np.diff(time, prepend=time[0])
     noisy = y + rng.standard_normal((n, 2)) * [0.05, 0.1]
     return Samples(time=time, dt=dt, u=np.column_stack([power, flow]), y=noisy)

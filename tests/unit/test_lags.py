@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from rich.console import Console
+from scipy.stats import gamma
 
 from faultbond.analysis.sensor_advice import readable_signals
 from faultbond.equations.plant import build_plant
@@ -38,6 +39,7 @@ sensors:
   flow: {reads: line.f, unit: m^3/s, noise: 0.004 m^3/s, lag: 4 s}
   level: {reads: node.e, unit: m, noise: 5 mm}
 """
+LAG = "lag: {value: 8 s, accuracy: 10 %, suspect: yes}"
 BLOCKS = """\
 name: one block
 sample_time: 0.5 s
@@ -73,8 +75,19 @@ def recorded(*faults: Fault) -> Simulation:
         ("lag: 4 s", "lag: [4 s]", "sensor flow: lag must be a table"),
         ("lag: 4 s", "lag: {accuracy: 5 %}", "sensor flow: lag: `value` is missing; state the time constant"),
         ("lag: 4 s", "lag: {value: 4 s, nominal: 3}", "sensor flow: lag: unknown key `nominal`"),
-        ("lag: 4 s", "lag: {value: 4 s, range: [-1 s, 9 s]}", "range must not go below 0 s; nothing acts before"),
+        ("lag: 4 s", "lag: {value: 4 s, range: [-1 s, 9 s]}", "range must not go below 0; nothing acts before"),
         ("lag: 4 s", "lag: {value: 4 s, accuracy: 1 m}", "accuracy is in m, but s is expected"),
+        ("lag: 4 s", "lag: {value: 4 s, order: 0}", "order is a whole number from 1 to 8, not `0`"),
+        ("lag: 4 s", "lag: {value: 4 s, order: 2.5}", "order is a whole number from 1 to 8, not `2.5`"),
+        ("lag: 4 s", "lag: 4 s, rate_limit: 1 m^3/s^2", "sensor flow: unknown key `rate_limit`"),
+        (LAG, f"{LAG}, rate_limit: 2 percent", "input u: rate_limit is in percent, but percent/s is expected"),
+        (LAG, f"{LAG}, rate_limit: 0 percent/s", "input u: rate_limit is a rate above 0, such as `5 percent/s`"),
+        (LAG, "rate_limit: 2 percent/s", "rate_limit: it needs a `lag` beside it; state `lag: 1 s`, one sample"),
+        (
+            LAG,
+            f"{LAG}, rate_limit: {{value: 2 percent/s, range: [-1 percent/s, 9 percent/s]}}",
+            "range must not go below 0; its size is meant",
+        ),
         (
             "{G: 0.01 m^3/s/percent}",
             "{G: 0.01 m^3/s/percent, u_lag: 2}",
@@ -141,6 +154,69 @@ def test_two_lags_in_a_row_are_exact() -> None:
     assert made.state_names == ("u.lagged", "y.lagged")
 
 
+@pytest.mark.parametrize("order", [2, 3, 8])
+def test_a_lag_of_higher_order_is_a_row_of_stores(order: int) -> None:
+    """After a step an input and a sensor come as the sum of so many exponential times does; the mean is the lag."""
+    text = BLOCKS.replace("{lag: 2 s}", f"{{lag: {{value: 2 s, order: {order}}}}}").replace(", lag: 5 s", "")
+    other = BLOCKS.replace("lag: 5 s", f"lag: {{value: 2 s, order: {order}}}").replace("{u: {lag: 2 s}}", "{u: {}}")
+    time = np.arange(0.0, 20.0, 0.5)
+    values = np.where(time < 5.0, 1.0, 4.0)[:, None]
+    for model in (parse_model(text), parse_model(other)):
+        made = simulate(model, Inputs(time=time, values=values), seed=None)
+        part = gamma.cdf(time - 5.0, order, scale=2.0 / order)
+        assert made.outputs[:, 0] == pytest.approx(3.0 * (1.0 + 3.0 * part), rel=1e-6)
+        assert len(made.state_names) == order
+        assert parse_model(model.text).text == model.text
+    assert (parse_model(text).inputs[0].order, parse_model(other).sensors[0].order) == (order, order)
+
+
+@pytest.mark.parametrize(("first", "last"), [(10.0, 70.0), (70.0, 10.0)])
+def test_an_input_moves_at_its_highest_rate(first: float, last: float) -> None:
+    """Far from where it is to be it moves so fast and no faster, both ways; near there as a lag does."""
+    text = BLOCKS.replace("{lag: 2 s}", "{unit: percent, lag: 2 s, rate_limit: 4 percent/s}").replace(", lag: 5 s", "")
+    time = np.arange(0.0, 40.0, 0.5)
+    values = np.where(time < 5.0, first, last)[:, None]
+    made = simulate(parse_model(text), Inputs(time=time, values=values), seed=None)
+    acts, side = made.outputs[:, 0] / 3.0, np.sign(last - first)
+    ramp = time < 5.0 + (60.0 - 4.0 * 2.0) / 4.0  # 8 from its end the lag is as fast
+    late = time - 18.0
+    expected = np.where(ramp, 4.0 * np.maximum(time - 5.0, 0.0), 60.0 - 8.0 * np.exp(-late / 2.0))
+    assert acts == pytest.approx(first + side * expected, abs=0.02)
+
+
+def test_a_highest_rate_is_a_parameter_of_its_input() -> None:
+    """It is trusted unless it says otherwise, reads back, and is written where it stood."""
+    stated = TANK.replace(LAG, f"{LAG}, rate_limit: 2 percent/s")
+    graph = parse_model(stated)
+    own = graph.parameter("u_rate_limit")
+    assert (own.nominal, own.unit.text, own.suspect, own.owner) == (2.0, "percent/s", False, "u")
+    assert owner_title(graph, own) == "input u"
+    assert graph.lags == {"u_lag", "u_rate_limit", "flow_lag"}
+    assert parse_model(graph.text).text == graph.text
+    new = [NewParameter(name="u_rate_limit", nominal="3 percent/s", others=(("accuracy", "2 %"),))]
+    assert "rate_limit: {value: 3 percent/s, accuracy: 2 %}" in rewrite(stated, graph, new, [])
+    built = ModelBuilder("b", sample_time="1 s").input("u", unit="percent", lag="2 s", rate_limit="1 percent/s")
+    built.block("gain", "x = P*u", parameters={"P": 3}).sensor("y", "x", noise=1)
+    assert built.build().parameter("u_rate_limit").nominal == 1.0
+
+
+def test_a_drive_that_has_become_slow_is_found() -> None:
+    """A valve that travels at a quarter of its rate from some time on is named, with its rate."""
+    text = TANK.replace(LAG, "lag: 1 s, rate_limit: {value: 4 percent/s, accuracy: 10 %, suspect: yes}")
+    graph = parse_model(text.replace(", lag: 4 s", ""))
+    core = build_core(build_plant(graph), build_spec(build_step_model(build_plant(graph))))
+    inputs = Inputs(time=np.arange(300.0), values=np.repeat(LEVELS, 60)[:, None])
+    start = {"tank.q": 5.0 * (0.01 * LEVELS[0] / 0.35) ** 2}
+    for faults in ((), (Fault(parameter="u_rate_limit", value=1.0, start=110.0),)):
+        made = simulate(graph, inputs, faults, seed=4, start=start)
+        monitor, _ = run(core, samples_of(made.time, made.inputs, made.outputs))
+        assert (monitor.number("clock.alarm") >= 0) == bool(faults)
+    best = monitor.conclude().candidates[0]
+    assert best.parameters == ("u_rate_limit",)
+    assert best.suspects[0].estimate == pytest.approx(1.0, abs=0.1)
+    assert best.probability > 0.9
+
+
 def test_the_filter_steps_as_the_plant_does() -> None:
     """One step of the discrete model follows the closed form to its second order."""
     model = build_step_model(build_plant(parse_model(BLOCKS)))
@@ -162,7 +238,14 @@ def test_what_lags_is_felt_later() -> None:
     assert build_step_model(build_plant(bare)).direct == ((0,), ())
 
 
-@pytest.mark.parametrize(("lag", "line"), [("lag: 4 s", "u 8 s, flow 4 s"), ("range: any", "u 8 s")])
+@pytest.mark.parametrize(
+    ("lag", "line"),
+    [
+        ("lag: 4 s", "u 8 s, flow 4 s"),
+        ("range: any", "u 8 s"),
+        ("lag: {value: 4 s, order: 3}", "u 8 s, flow 4 s in 3 stages"),
+    ],
+)
 def test_check_tells_of_lags(lag: str, line: str) -> None:
     """`check` lists the lags, and about where what lags begins."""
     shown = checked(TANK.replace("lag: 4 s", lag))
@@ -176,6 +259,14 @@ def test_check_asks_for_a_lag() -> None:
     shown = checked(TANK.replace(", lag: 4 s", "").replace(", lag: {value: 8 s, accuracy: 10 %, suspect: yes}", ""))
     assert "felt at once" in shown
     assert "u: if it takes time to act, or a sensor to follow, state its `lag`" in shown
+
+
+def test_check_tells_of_a_settling_that_does_nothing() -> None:
+    """A sensor that feels an input at once is needed for it to do something."""
+    stated = TANK.replace(", lag: 4 s", "").replace(LAG, "settling: 5 s")
+    assert "does nothing" not in checked(stated)
+    idle = checked("\n".join(line for line in stated.splitlines() if "flow:" not in line))
+    assert "u: no sensor feels it at once, so that it does nothing; state a `lag`" in " ".join(idle.split())
 
 
 def checked(text: str) -> str:

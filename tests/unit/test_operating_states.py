@@ -234,15 +234,16 @@ def test_a_fit_finds_the_plant_in_spite_of_pauses(tmp_path: Path, capsys: pytest
     assert "valid_when" in fitted.read_text()
 
 
-@pytest.mark.parametrize("lag", [False, True])
-def test_a_law_without_a_value_does_no_harm_where_its_sensor_is_not_valid(*, lag: bool) -> None:
+@pytest.mark.parametrize(("lag", "order"), [(False, 1), (True, 1), (True, 2)])
+def test_a_law_without_a_value_does_no_harm_where_its_sensor_is_not_valid(*, lag: bool, order: int) -> None:
     """A heater at rest divides by no flow: a healthy room does not alarm, and a weak heater has its name."""
-    healthy = heated.course(1400, lag=lag)
-    blocks = watched(Monitor(heated.core(lag=lag)), healthy)
+    healthy = heated.course(1400, lag=lag, order=order)
+    blocks = watched(Monitor(heated.core(lag=lag, order=order)), healthy)
     assert alarm(blocks) is None
     status = np.concatenate([block.status for block in blocks])
     assert np.flatnonzero(status == STATUSES.index(Status.STARTING)).max() < 30  # it never lost the plant
-    blocks = watched(Monitor(heated.core(lag=lag)), heated.course(1400, lag=lag, gain=0.8, begins=700))
+    faulty = heated.course(1400, lag=lag, order=order, gain=0.8, begins=700)
+    blocks = watched(Monitor(heated.core(lag=lag, order=order)), faulty)
     assert 700 <= (alarm(blocks) or 0.0) < 800
     assert first(blocks) == ("G",)
 

@@ -424,7 +424,7 @@ def test_a_lag_that_was_tried_in_vain_is_tried_once_more_where_it_promises_more(
     search, stand = bare_search(), Footing(graph=graph, values={}, starts={})
     search.trained, search.all = (), cast("Any", SimpleNamespace(model=SimpleNamespace(direct=())))
     search.refused = {} if refused is None else {lag.key: refused}
-    ground = SimpleNamespace(best_lag=lambda *_: (lag, gain))
+    ground = SimpleNamespace(best_late=lambda *_: (lag, gain))
     monkeypatch.setattr(Search, "profile", lambda *_: [])
     monkeypatch.setattr(Search, "curves", lambda *_: [])
     monkeypatch.setattr(Search, "ground_with", lambda *_, **__: ground)
@@ -1396,6 +1396,10 @@ def test_transient_errors_of_several_inputs_come_and_go_one_by_one() -> None:
     assert without_slow_error(without_slow_error(both, second), first).slow_errors == ()
     kept = without_slow_error(with_imperfections(graph, (first, steady)), first)
     assert [(item.sd, item.after) for item in kept.slow_errors] == [(0.3, ())]
+    (moved,) = without_slow_error(with_imperfections(graph, (first, steady)), steady).slow_errors
+    assert (moved.after, moved.each) == (("V",), (0.1,))
+    assert moved.sd < 0.02 * graph.sensors[0].noise
+    assert without_slow_error(with_imperfections(graph, (steady,)), steady).slow_errors == ()
     assert {(Kind.TRANSIENT, "i after V"), (Kind.TRANSIENT, "i after W")} < keys_of(both)
     back = parse_model(amended_text(TWO, graph, [Added(what=item, trained=1.0, held=1.0) for item in (first, second)]))
     (read,) = back.slow_errors

@@ -125,7 +125,7 @@ class OutputSpec:
     suspect: bool = True
     ranged: bool = False  # as of an input
     condition: int = -1  # under which it reads as stated, among `EngineSpec.settlings`; -1: always
-    lag_state: int = -1  # the state by which it lags; -1: it does not
+    lag_states: tuple[int, ...] = ()  # the states by which it lags
     growth: float = 0.0  # of the noise, in that of a reading of 0, per SI of what is expected
     healthy_bias: float = 0.0  # as of an input
 
@@ -419,6 +419,11 @@ class EngineSpec:
     def held(self) -> tuple[int, ...]:
         """Sensors that have a condition of their own: what one of them lags by is followed only where it holds."""
         return tuple(k for k, item in enumerate(self.outputs) if item.condition >= 0)
+
+    @property
+    def held_states(self) -> tuple[tuple[int, int], ...]:
+        """States by which such sensors lag, each with the number of the sensor among them."""
+        return tuple((state, h) for h, k in enumerate(self.held) for state in self.outputs[k].lag_states)
 
     @cached_property
     def sample_fields(self) -> dict[str, slice]:

@@ -130,16 +130,16 @@ static void spread_states(lanes *FB_RESTRICT p, lanes (*FB_RESTRICT a)[N_JOINT],
     }
 }
 
-#if N_HELD > 0 && !defined(FB_OWN_SAMPLES)
+#if N_HELD_STATES > 0 && !defined(FB_OWN_SAMPLES)
 /* What lags before sensors that do not read as stated stays where it was before the step, `before`, and goes with nothing else:
    the law that it would follow may have no value. Its variance is that of before, or of the gap. */
 static void hold_states(const lanes *FB_RESTRICT before, const given *FB_RESTRICT sample, lanes *FB_RESTRICT lane,
                         lanes (*FB_RESTRICT a)[N_JOINT])
 {
-    for (int h = 0; h < N_HELD; h++) {
-        const int i = HELD_STATE[h];
-        if (i < 0 || !(sample[SAMPLE_HELD + h] > 0.0)) continue;
-        lane[i] = before[h];
+    for (int s = 0; s < N_HELD_STATES; s++) {
+        const int i = HELD_STATE[s];
+        if (!(sample[SAMPLE_HELD + HELD_BY[s]] > 0.0)) continue;
+        lane[i] = before[s];
         for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) a[i][STATE_PLACE[e]] = broadcast(0.0);
     }
 }
@@ -182,12 +182,11 @@ static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Fi
 {
     lanes v[N_V], climb[FB_ROOM(N_INPUTS)];
     given begin[FB_ROOM(N_INPUTS)], middle[FB_ROOM(N_INPUTS)]; /* of the step */
-#if N_HELD > 0 && !defined(FB_OWN_SAMPLES)
-    lanes before[FB_ROOM(N_HELD)], variance[FB_ROOM(N_HELD)];
-    for (int h = 0; h < N_HELD; h++) {
-        if (HELD_STATE[h] < 0) continue;
-        before[h] = lane[HELD_STATE[h]];
-        variance[h] = lane[AT_COVARIANCE + PLACE(HELD_STATE[h], HELD_STATE[h])];
+#if N_HELD_STATES > 0 && !defined(FB_OWN_SAMPLES)
+    lanes before[FB_ROOM(N_HELD_STATES)], variance[FB_ROOM(N_HELD_STATES)];
+    for (int s = 0; s < N_HELD_STATES; s++) {
+        before[s] = lane[HELD_STATE[s]];
+        variance[s] = lane[AT_COVARIANCE + PLACE(HELD_STATE[s], HELD_STATE[s])];
     }
 #endif
     for (int k = 0; k < N_INPUTS; k++) begin[k] = sample[(INPUT_NEXT[k] ? SAMPLE_U : SAMPLE_U_BEFORE) + k];
@@ -208,13 +207,13 @@ static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Fi
         FOR_REACH (i, c) add_by_z(lane, middle, c, WIDE(work->step.slope[i][c]), work->a[i]);
         lane[i] = v[i];
     }
-#if N_HELD > 0 && !defined(FB_OWN_SAMPLES)
+#if N_HELD_STATES > 0 && !defined(FB_OWN_SAMPLES)
     hold_states(before, sample, lane, work->a);
     spread_states(lane + AT_COVARIANCE, work->a, work->t, sample);
-    for (int h = 0; h < N_HELD; h++) {
-        if (HELD_STATE[h] < 0 || !(sample[SAMPLE_HELD + h] > 0.0)) continue;
-        lanes *own = &lane[AT_COVARIANCE + PLACE(HELD_STATE[h], HELD_STATE[h])];
-        *own = v_fmax(*own, variance[h]);
+    for (int s = 0; s < N_HELD_STATES; s++) {
+        if (!(sample[SAMPLE_HELD + HELD_BY[s]] > 0.0)) continue;
+        lanes *own = &lane[AT_COVARIANCE + PLACE(HELD_STATE[s], HELD_STATE[s])];
+        *own = v_fmax(*own, variance[s]);
     }
 #else
     spread_states(lane + AT_COVARIANCE, work->a, work->t, sample);

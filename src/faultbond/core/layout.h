@@ -50,7 +50,8 @@
 #define WIDE_PLACE(i, j) (WIDE_COVARIANCE + IN_TRIANGLE(WIDE_JOINT, i, j))
 
 #ifndef N_HELD
-#define N_HELD 0 /* sensors that do not always read as stated */
+#define N_HELD 0        /* sensors that do not always read as stated */
+#define N_HELD_STATES 0 /* by which these lag */
 #endif
 
 /* A packed sample: what the filters take. */

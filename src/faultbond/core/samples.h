@@ -91,11 +91,11 @@ static void doubt_readings(Clock *clock, double *packed)
 static void hold_lags(const Healthy *healthy, const Inputs *inputs, double *packed)
 {
 #if N_HELD > 0
-    for (int h = 0; h < N_HELD; h++) {
-        const int i = HELD_STATE[h];
-        if (isinf(inputs->true_for[OUTPUT_CONDITION[HELD_OUTPUT[h]]])) continue; /* it has settled */
-        packed[SAMPLE_HELD + h] = 1.0;
-        if (i >= 0) packed[SAMPLE_GAP + i] = larger(packed[SAMPLE_GAP + i], travelled(healthy, i));
+    for (int h = 0; h < N_HELD; h++) /* 0 where it has settled */
+        packed[SAMPLE_HELD + h] = isinf(inputs->true_for[OUTPUT_CONDITION[HELD_OUTPUT[h]]]) ? 0.0 : 1.0;
+    for (int s = 0; s < N_HELD_STATES; s++) {
+        const int i = HELD_STATE[s];
+        if (packed[SAMPLE_HELD + HELD_BY[s]] > 0.0) packed[SAMPLE_GAP + i] = larger(packed[SAMPLE_GAP + i], travelled(healthy, i));
     }
 #else
     (void)healthy, (void)inputs, (void)packed;

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from faultbond.equations.causality import Causality
 from faultbond.equations.tables import with_curves
 from faultbond.errors import ModelError
-from faultbond.model.expression import Binary, Expression, Name, Negative, Number, names, rename
+from faultbond.model.expression import Binary, Call, Expression, Name, Negative, Number, names, rename
 from faultbond.model.graph import BondGraph, Check, Input, Sensor, SlowError
 from faultbond.model.parser import to_text
 from faultbond.types import ElementType, JunctionType
@@ -32,6 +32,7 @@ class Store:
 
     lag: the parameter that is the time constant of an input or a sensor with a lag; empty of other stores.
     source: the input that such a store follows; empty where it follows what a sensor reads.
+    owner: the input or sensor that lags.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Store:
     partner: str | None = None  # the co-energy signal: effort of a C, flow of an I
     lag: str = ""
     source: str = ""
+    owner: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,9 +116,11 @@ def _curved(graph: BondGraph, network: ConstraintNetwork) -> ConstraintNetwork:
 
 
 def _lagging(graph: BondGraph, network: ConstraintNetwork) -> ConstraintNetwork:
-    """Put a store of first order between an input with a lag and what it acts on, and before a sensor with one.
+    """Put stores of first order between an input with a lag and what it acts on, and before a sensor with one.
 
     What lags is the signal `u.lagged`, with T der(u.lagged) = u - u.lagged; all that names the input `u` sees that.
+    Of a lag of order n it is the last of n stages, each with T/n; where an input has a highest rate that one moves by
+    it at most.
     """
     behind = {item.name: f"{item.name}.lagged" for item in graph.inputs if item.lag}
     constraints = [
@@ -130,13 +134,22 @@ def _lagging(graph: BondGraph, network: ConstraintNetwork) -> ConstraintNetwork:
     sensed = tuple(readings)
     stores: list[Store] = []
 
-    def follow(item: Input | Sensor, what: Expression, source: str) -> Name:
-        store = Store(name=f"{item.name}.lagged", rate=f"der({item.name}.lagged)", lag=item.lag, source=source)
-        gap = Binary("/", Binary("-", what, Name(store.name)), Name(item.lag))
-        law = Constraint(owner=f"{item.name}.lag", residual=Binary("-", Name(store.rate), gap), line=item.line)
-        stores.append(store)
-        constraints.append(law)
-        return Name(store.name)
+    def follow(item: Input | Sensor, what: Expression, source: str) -> Expression:
+        for stage in range(1, item.order + 1):
+            last = stage == item.order
+            name = f"{item.name}.lagged{'' if last else stage}"
+            store = Store(name=name, rate=f"der({name})", lag=item.lag, source=source, owner=item.name)
+            gap: Expression = Binary("/", Binary("-", what, Name(name)), Name(item.lag))
+            if item.order > 1:
+                gap = Binary("*", Number(float(item.order)), gap)
+            if last and isinstance(item, Input) and item.rate_limit:
+                most = Name(item.rate_limit)
+                gap = Call("max", (Call("min", (gap, most)), Negative(most)))
+            law = Constraint(owner=f"{item.name}.lag", residual=Binary("-", Name(store.rate), gap), line=item.line)
+            stores.append(store)
+            constraints.append(law)
+            what = Name(name)
+        return what
 
     for item in graph.inputs:
         if item.lag:

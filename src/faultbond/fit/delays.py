@@ -1,6 +1,7 @@
 """Which inputs and sensors seem to lag, and which inputs seem to be another between rows, by what errors go with."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,8 +9,11 @@ from faultbond.fit.foothold import Footing
 from faultbond.fit.hints import explained, last_changes, told_early
 from faultbond.fit.imperfections import KIND_HOLDS, Imperfection, Kind
 from faultbond.fit.samples import HealthyRecording
+from faultbond.model.graph import BondGraph, Input, Sensor
 
 HINT = 5.0  # nats that a lag or a hold must seem to explain to be tried
+ORDERS = (1, 2, 4, 8)  # of a lag
+STAGES = 4  # of a lag that is asked for beside one of a single one: a dead time is nearer to it
 RESTLESS = 0.5  # of the rows, in which an input moves that is no command in steps
 
 
@@ -17,16 +21,40 @@ def late_ones(stand: Footing, records: Sequence[HealthyRecording]) -> list[tuple
     """Give inputs and sensors that seem to lag, with about how many nats that explains, the best first.
 
     What lags by T is behind by about T times its rate: errors go with the last changes of what is expected of a
-    sensor, or of an input.
+    sensor, or of an input. Where it lags already it does so otherwise: in several stages, or at a highest rate.
     """
-    found = []
+    found: list[tuple[Imperfection, float]] = []
     for k, sensor in enumerate(stand.graph.sensors):
         parts = zip(stand.innovations, stand.expected, strict=True)
         gain = sum(explained(off[:, k], last_changes(expected[:, k])) for off, expected in parts)
-        found.append((Imperfection(kind=Kind.LAG, place=sensor.name, is_sensor=True), gain))
-    for k, item in enumerate(stand.graph.inputs):
-        found.append((Imperfection(kind=Kind.LAG, place=item.name), _gone_with(stand, records, k)))
+        found += [(item, gain) for item in _ways(sensor)]
+    for k, known in enumerate(stand.graph.inputs):
+        gain = _gone_with(stand, records, k)
+        found += [(item, gain) for item in _ways(known)]
+    most = max((gain for _, gain in found), default=0.0)
+    found += [(item, most) for item in _limits(stand.graph, records)]
     return sorted(found, key=lambda item: item[1], reverse=True)
+
+
+def _ways(item: Input | Sensor) -> list[Imperfection]:
+    """Give the ways in which an input or a sensor may come behind, or come behind otherwise."""
+    lag = Imperfection(kind=Kind.LAG, place=item.name, is_sensor=isinstance(item, Sensor))
+    if not item.lag:
+        return [lag, replace(lag, order=STAGES)]
+    return [replace(lag, kind=Kind.ORDER, size=float(order)) for order in ORDERS if order != item.order]
+
+
+def _limits(graph: BondGraph, records: Sequence[HealthyRecording]) -> Iterator[Imperfection]:
+    """Give the highest rates of inputs that are commands, each as large as the largest move from row to row.
+
+    A long way at such a rate goes with changes of the command long ago, so those of a few rows hardly tell; what comes
+    behind elsewhere may be it.
+    """
+    for k, item in enumerate(graph.inputs):
+        rates = [np.abs(np.diff(record.u[:, k])) / np.diff(record.time) for record in records]
+        most = max(float(np.max(rate, initial=0.0)) for rate in rates)
+        if not item.rate_limit and not item.smooth and most > 0.0:
+            yield Imperfection(kind=Kind.RATE_LIMIT, place=item.name, size=most)
 
 
 def other_holds(

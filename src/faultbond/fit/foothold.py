@@ -1,6 +1,6 @@
 """Where a search for imperfections stands: the plant as it is by now, and what was added to it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -58,6 +58,21 @@ class Footing:
     added: tuple[Added, ...] = ()
 
 
+def with_orders(added: Sequence[Added]) -> tuple[Added, ...]:
+    """Give what was added with the order of a lag that was added, too, as part of that."""
+    orders = {item.what.place: item for item in added if item.what.kind is Kind.ORDER}
+    lags = {item.what.place for item in added if item.what.kind is Kind.LAG}
+    kept = (item for item in added if item.what.kind is not Kind.ORDER or item.what.place not in lags)
+    return tuple(_in_stages(item, orders.get(item.what.place)) for item in kept)
+
+
+def _in_stages(item: Added, order: Added | None) -> Added:
+    if order is None or item.what.kind is not Kind.LAG:
+        return item
+    what = replace(item.what, order=round(order.what.size))
+    return replace(item, what=what, trained=item.trained + order.trained, held=item.held + order.held)
+
+
 def as_found(stand: Footing) -> BondGraph:
     """Give the plant with parameters and imperfections as they stand, about as sure as a fit to all would be."""
     parameters = []
@@ -68,9 +83,10 @@ def as_found(stand: Footing) -> BondGraph:
     return replace(stand.graph, parameters=tuple(parameters))
 
 
-def in_time(graph: BondGraph) -> tuple[tuple[str, Hold | None], ...]:
-    """Give what of a plant lags, and how inputs go on between rows."""
-    return (*((item.lag, item.hold) for item in graph.inputs), *((item.lag, None) for item in graph.sensors))
+def in_time(graph: BondGraph) -> tuple[tuple[str | int | Hold, ...], ...]:
+    """Give what of a plant lags, in how many stages, how fast it moves, and how inputs go on between rows."""
+    inputs = ((item.lag, item.order, item.rate_limit, item.hold) for item in graph.inputs)
+    return (*inputs, *((item.lag, item.order) for item in graph.sensors))
 
 
 def with_noise(graph: BondGraph, noise: FloatArray) -> BondGraph:

@@ -19,7 +19,7 @@ from faultbond.errors import StructureError
 from faultbond.fit.curves import FOREIGN
 from faultbond.fit.delays import HINT, late_ones, other_holds
 from faultbond.fit.foothold import Added, Footing, keys_of
-from faultbond.fit.imperfections import Imperfection, parameter_name
+from faultbond.fit.imperfections import Imperfection, Kind, parameter_name
 from faultbond.fit.quiet_search import AGAIN, CLOSE, FEWEST, WORTH, Ground, Search
 
 TRIED = 3  # of the best of each kind, in each round
@@ -99,7 +99,8 @@ def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfec
     late: list[tuple[Imperfection, float]] = []
     for item in (*lags, *between[:1]):
         with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
-            late.append(search.ground_with(stand, (item,), slopes=False).best_lag(stand, item))
+            late.append(search.ground_with(stand, (item,), slopes=False).best_late(stand, item))
+    late = [item for item in late if item[1] >= max(gain for other, gain in late if other.key == item[0].key)]
     tried = [(search.ground_with(stand, (item,)), item, gain) for item, gain in _likeliest(search, late)]
     for like in (_likeliest(search, search.curves(stand)), slow):
         if like:
@@ -117,7 +118,8 @@ def _likeliest(search: Search, asked: Sequence[tuple[Imperfection, float]]) -> l
 
 
 def _is_new(search: Search, stand: Footing, lag: Imperfection) -> bool:
-    return parameter_name(lag) not in stand.values and search.refused.get(lag.key, 0.0) < np.inf
+    is_new = lag.kind is Kind.ORDER or parameter_name(lag) not in stand.values
+    return is_new and search.refused.get(lag.key, 0.0) < np.inf
 
 
 def _joint(search: Search, stand: Footing, best: Footing, others: Sequence[Footing]) -> Footing | None:

@@ -23,7 +23,7 @@ from faultbond.types import Hold
 
 MOST_FOLLOWED = 30  # states, slow errors and noise of inputs of a filter in which all is tried at once
 LEAST_PLACES = 6  # slow errors that are tried however large the plant is
-LAG_ACCURACY, LAG_CHANGE = 0.1, 2.0  # parts of a lag that was found
+LAG_ACCURACY, LAG_CHANGE = 0.1, 2.0  # parts of a lag, or of a highest rate, that was found
 TERM_ACCURACY, TERM_CHANGE = 1.0, 2.0  # parts of an offset, or of the power of a curve, that was found
 TEMPERATURE = "K"  # unit of what has no zero of its own
 HIDDEN = 0.01  # of a sensor's noise: the size of an error that is there after moves of an input alone
@@ -39,6 +39,8 @@ class Kind(Enum):
     TRANSIENT = "transient error"
     INPUT_NOISE = "noise"
     LAG = "lag"
+    ORDER = "order of lag"
+    RATE_LIMIT = "rate limit"
     OFFSET = "offset"
     CURVE = "curve"
     HOLD = "linear hold"
@@ -46,6 +48,8 @@ class Kind(Enum):
 
 
 KIND_HOLDS = {Kind.HOLD: Hold.LINEAR, Kind.NEXT: Hold.NEXT}
+FORMS = (*KIND_HOLDS, Kind.ORDER)  # what is another form of something, and has no number that is fitted
+LATE = (Kind.LAG, Kind.RATE_LIMIT, *FORMS)
 TERMS = (Kind.OFFSET, Kind.CURVE)  # of laws
 
 
@@ -53,12 +57,14 @@ TERMS = (Kind.OFFSET, Kind.CURVE)  # of laws
 class Imperfection:
     """Something that a model may leave out: of which kind, of what, how large, over which time (s).
 
-    size : standard deviation, SI or in parts; of a lag its time constant, s; of an offset that, SI; of a curve the
-    power with which a parameter goes with a signal; of a transient error how much larger it is for each unit by which
-    an input moves; a hold has none
+    size : standard deviation, SI or in parts; of a lag its time constant, s, and of its order that; of a rate limit the
+    highest rate, SI; of an offset that, SI; of a curve the power with which a parameter goes with a signal; of a
+    transient error how much larger it is for each unit by which an input moves; a hold has none
+    memory : of what is slow; of a rate limit the time constant beside it, which comes with it where there was none
     law : of an offset the component that gives the signal, and which of its laws does
     bend : of a curve, what the parameter goes with
     after : of a transient error, the input
+    order : of a lag, in how many stages it comes
     foreign : whether a curve goes with what the laws of its parameter do not speak of
     """
 
@@ -70,6 +76,7 @@ class Imperfection:
     law: tuple[str, int] = ("", 0)
     bend: Bend | None = None
     after: str = ""
+    order: int = 1
     foreign: bool = False
 
     @property
@@ -96,12 +103,12 @@ class Imperfection:
     @property
     def is_parameter(self) -> bool:
         """Whether it is a further parameter of the plant."""
-        return self.kind is Kind.LAG or self.kind in TERMS
+        return self.kind in (Kind.LAG, Kind.RATE_LIMIT, *TERMS)
 
     @property
     def is_late(self) -> bool:
         """Whether by it something comes late, or is another between rows."""
-        return self.kind is Kind.LAG or self.kind in KIND_HOLDS
+        return self.kind in LATE
 
     @property
     def is_definite(self) -> bool:
@@ -232,7 +239,7 @@ def with_imperfections(graph: BondGraph, added: tuple[Imperfection, ...]) -> Bon
     """Give a plant with imperfections, in place of those of the same kind that it declares for the same thing."""
     errors, inputs = list(graph.slow_errors), list(graph.inputs)
     for item in added:
-        if item.is_parameter:
+        if item.is_parameter or item.kind is Kind.ORDER:
             continue
         if not item.is_slow:
             k = next(k for k, known in enumerate(inputs) if known.name == item.place)
@@ -244,8 +251,10 @@ def with_imperfections(graph: BondGraph, added: tuple[Imperfection, ...]) -> Bon
         errors[at : at + 1] = [_error(graph, item, errors[at] if at < len(errors) else None)]
     graph = replace(graph, slow_errors=tuple(errors), inputs=tuple(inputs))
     for item in added:
-        if item.is_parameter:
-            graph = (_lagging if item.kind is Kind.LAG else _with_term)(graph, item)
+        if item.is_late and item.kind not in KIND_HOLDS:
+            graph = _late(graph, item)
+        elif item.is_parameter:
+            graph = _with_term(graph, item)
     return graph
 
 
@@ -270,15 +279,23 @@ def _error(graph: BondGraph, item: Imperfection, known: SlowError | None) -> Slo
     return replace(new, memory=item.memory, after=tuple(each), each=tuple(each.values()))
 
 
-def _lagging(graph: BondGraph, item: Imperfection) -> BondGraph:
-    """Give a plant in which an input or a sensor lags; where it does already, so long."""
-    name = parameter_name(item)
+def _late(graph: BondGraph, item: Imperfection) -> BondGraph:
+    """Give a plant in which an input or a sensor lags, or an input that does moves so fast at most.
+
+    Where it does already, by so much.
+    """
+    if item.kind is Kind.ORDER:
+        return _lagging(graph, item.place, parameter_name(lag_of(item)), round(item.size))
+    name, is_limit = parameter_name(item), item.kind is Kind.RATE_LIMIT
+    if is_limit and not graph.input(item.place).lag:
+        graph = _late(graph, lag_of(item))
     parameters = {known.name: known for known in graph.parameters}
-    lag = parameters.get(name) or Parameter(
+    is_known = name in parameters
+    known = parameters.get(name) or Parameter(
         name=name,
         owner=item.place,
         nominal=1.0,
-        unit=Unit("s"),
+        unit=graph.input(item.place).unit.rate if is_limit else Unit("s"),
         accuracy=0,
         change=0,
         lower=0,
@@ -286,10 +303,24 @@ def _lagging(graph: BondGraph, item: Imperfection) -> BondGraph:
         suspect=False,
     )
     size = item.size
-    parameters[name] = replace(lag, nominal=size, accuracy=LAG_ACCURACY * size, change=LAG_CHANGE * size)
-    inputs = (replace(known, lag=name) if known.name == item.place else known for known in graph.inputs)
-    sensors = (replace(known, lag=name) if known.name == item.place else known for known in graph.sensors)
-    return replace(graph, parameters=tuple(parameters.values()), inputs=tuple(inputs), sensors=tuple(sensors))
+    parameters[name] = replace(known, nominal=size, accuracy=LAG_ACCURACY * size, change=LAG_CHANGE * size)
+    graph = replace(graph, parameters=tuple(parameters.values()))
+    if is_limit:
+        inputs = (replace(one, rate_limit=name) if one.name == item.place else one for one in graph.inputs)
+        return replace(graph, inputs=tuple(inputs))
+    return _lagging(graph, item.place, name, 0 if is_known else item.order)
+
+
+def lag_of(item: Imperfection) -> Imperfection:
+    """Give the lag beside a rate limit, or of which an order is."""
+    return replace(item, kind=Kind.LAG, size=item.memory)
+
+
+def _lagging(graph: BondGraph, place: str, lag: str, order: int = 0) -> BondGraph:
+    """Give a plant in which an input or a sensor lags by a parameter, in so many stages; 0: in as many as it does."""
+    inputs = (replace(one, lag=lag, order=order or one.order) if one.name == place else one for one in graph.inputs)
+    sensors = (replace(one, lag=lag, order=order or one.order) if one.name == place else one for one in graph.sensors)
+    return replace(graph, inputs=tuple(inputs), sensors=tuple(sensors))
 
 
 def _with_term(graph: BondGraph, item: Imperfection) -> BondGraph:
@@ -341,8 +372,8 @@ def _rewritten(graph: BondGraph, change: Callable[[Expression], Expression]) -> 
 def without_lag(graph: BondGraph, item: Imperfection) -> BondGraph:
     """Give a plant in which an input or a sensor does not lag, as before `with_imperfections`."""
     name = parameter_name(item)
-    inputs = (replace(known, lag="") if known.lag == name else known for known in graph.inputs)
-    sensors = (replace(known, lag="") if known.lag == name else known for known in graph.sensors)
+    inputs = (replace(known, lag="", order=1) if known.lag == name else known for known in graph.inputs)
+    sensors = (replace(known, lag="", order=1) if known.lag == name else known for known in graph.sensors)
     parameters = (known for known in graph.parameters if known.name != name)
     return replace(graph, parameters=tuple(parameters), inputs=tuple(inputs), sensors=tuple(sensors))
 
@@ -362,26 +393,27 @@ def without_curve(graph: BondGraph, item: Imperfection) -> BondGraph:
 
 
 def without_slow_error(graph: BondGraph, item: Imperfection) -> BondGraph:
-    """Give a plant without a slow error that it has, or without what that has of the moves of an input."""
+    """Give a plant without a slow error that it has, or without what that has of the moves of an input.
+
+    What the other of the two says of the same sensor stays.
+    """
     own, kept = (item.place, item.is_relative), list[SlowError]()
+    hidden = {sensor.name: HIDDEN * sensor.noise for sensor in graph.sensors}
     for known in graph.slow_errors:
-        each = {name: x for name, x in known.by_input.items() if name != item.after}
         if (known.target, known.relative) != own:
             kept.append(known)
-        elif item.after and (each or not _is_hidden(graph, known)):
-            kept.append(replace(known, after=tuple(each), each=tuple(each.values())))
+            continue
+        each = {name: x for name, x in known.by_input.items() if name != item.after}
+        sd = known.sd if item.after else hidden.get(known.target, 0.0)
+        if each or (item.after and sd > hidden.get(known.target, 0.0)):
+            kept.append(replace(known, sd=sd, after=tuple(each), each=tuple(each.values())))
     return replace(graph, slow_errors=tuple(kept))
 
 
-def _is_hidden(graph: BondGraph, error: SlowError) -> bool:
-    """Tell whether an error is there after moves of inputs alone."""
-    return any(item.name == error.target and error.sd <= HIDDEN * item.noise for item in graph.sensors)
-
-
 def parameter_name(item: Imperfection) -> str:
-    """Give the name of the parameter that is the time constant of a lag, an offset, or the power of a curve."""
+    """Give the name of the parameter that is the size of a lag, a rate limit, an offset, or the power of a curve."""
     words = f"{item.place}_by_{item.bend.name}" if item.bend else f"{item.place}_{item.kind.value}"
-    return words.replace(".", "_")
+    return words.replace(".", "_").replace(" ", "_")
 
 
 def size_place(graph: BondGraph, layout: Layout, item: Imperfection) -> int:
@@ -413,12 +445,15 @@ def found_in(
     """Give imperfections of a plant with the sizes and memories of q (n_q,)."""
     found = []
     for item in opened:
-        if item.kind in KIND_HOLDS:
+        if item.kind in FORMS:
             found.append(item)
             continue
         place = size_place(graph, layout, item)
         if item.is_parameter:
             found.append(replace(item, size=float(q[place] * graph.parameters[place].scale)))
+            if item.kind is Kind.RATE_LIMIT:
+                lag = size_place(graph, layout, lag_of(item))
+                found[-1] = replace(found[-1], memory=float(q[lag] * graph.parameters[lag].scale))
             continue
         size = float(np.exp(q[place]))
         memory = float(np.exp(q[memory_place(graph, layout, item)])) if item.is_slow else item.memory

@@ -319,10 +319,11 @@ def _conditional(model: StepModel) -> tuple[int, ...]:
 
 def _lagging(model: StepModel) -> Iterator[tuple[int, int, float]]:
     """Give which of these lag: number among them, state, and an sd that is as good as none for that state, SI."""
-    stores, sensors = [item.name for item in model.plant.network.states], model.plant.graph.sensors
+    sensors = model.plant.graph.sensors
     for held, j in enumerate(_conditional(model)):
-        if sensors[j].lag:
-            yield held, stores.index(f"{sensors[j].name}.lagged"), _ANYWHERE * sensors[j].noise
+        for state, store in enumerate(model.plant.network.states):
+            if store.owner == sensors[j].name and sensors[j].lag:
+                yield held, state, _ANYWHERE * sensors[j].noise
 
 
 def _unpacked(packed: ca.SX, n: int) -> ca.SX:

@@ -22,15 +22,15 @@ from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.certainty import inverse_of
 from faultbond.fit.curves import likeliest_curves, movers_of, possible_curves, powers_of
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
-from faultbond.fit.foothold import Added, Footing, in_time, keys_of, values_at, with_noise
+from faultbond.fit.foothold import Added, Footing, in_time, keys_of, values_at, with_noise, with_orders
 from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit, Prior, fit_at
 from faultbond.fit.imperfections import (
-    KIND_HOLDS,
-    TERMS,
+    FORMS,
     UNTRIED,
     Imperfection,
     Kind,
     found_in,
+    lag_of,
     law_signals,
     laws_of_signals,
     memory_place,
@@ -65,6 +65,8 @@ LARGER = (3.0, 10.0, 30.0)  # times the largest size tried, where that is the be
 MOST_PART = 0.5  # a relative error is not larger
 LONGEST = 0.25  # of a recording: what stays longer is a parameter, not an error that comes and goes
 LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # samples
+RATES = (0.003, 0.006, 0.012, 0.025, 0.05, 0.1, 0.2, 0.5)  # parts of the largest move of an input, in a sample
+LAGS_LEFT = (0.1, 0.3, 0.7)  # parts of the lag that has stood for a highest rate, or of ten samples
 LAG_GRID = 4.0  # samples: a lag for which one step of the integration is enough
 LEAST_LAG = 0.2  # samples
 NO_LAG = 1.01 * LEAST_LAG  # samples: a lag that would rather be none
@@ -117,6 +119,7 @@ class Search:
         self.laws = {name: law for name, law in laws_of_signals(model).items() if name in asked}
         self.possible = possible(graph, signals, len(model.states))
         self.refused: dict[tuple[Kind, str], float] = {}  # what was tried in vain, and the nats it seemed to gain then
+        self.unhidden: set[frozenset[tuple[Kind, str]]] = set()  # what was asked for once more without its slow errors
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
         self.inside: frozenset[str] = frozenset()  # parameters that are kept from straying
         self.believed: frozenset[str] = frozenset()  # those of which it is known what made them stray
@@ -173,6 +176,7 @@ class Search:
         What was added with them or later explains what they did. Data say nothing of a lag so short, so errors of any
         kind would move it.
         """
+        stand = replace(stand, added=with_orders(stand.added))
         gone = [*self._spent_lags(stand), *self._spent(stand)]
         if not gone:
             return stand
@@ -190,7 +194,8 @@ class Search:
     def _spent_lags(self, stand: Footing) -> list[Added]:
         own = {item.name for item in self.graph.parameters}
         added = [item for item in stand.added if item.what.kind is Kind.LAG and parameter_name(item.what) not in own]
-        return [item for item in added if item.what.size <= NO_LAG * self.step]
+        others = {item.what.place for item in stand.added if item.what.kind in (Kind.ORDER, Kind.RATE_LIMIT)}
+        return [item for item in added if item.what.size <= NO_LAG * self.step and item.what.place not in others]
 
     def _spent(self, stand: Footing) -> list[Added]:
         """Give slow errors that the model does not declare, and curves, each of which the recordings would not miss."""
@@ -210,13 +215,14 @@ class Search:
     def ground_with(self, stand: Footing, more: Sequence[Imperfection], *, slopes: bool = True) -> "Ground":
         """Give a plant that may have further imperfections; without slopes for likelihoods alone."""
         sizes = {Kind.LAG: LAG_GRID * self.step, Kind.CURVE: 0.0}
-        opened = tuple(
-            item if item.kind is Kind.OFFSET else replace(item, size=sizes.get(item.kind, UNTRIED)) for item in more
-        )
+        own = (Kind.OFFSET, Kind.RATE_LIMIT, Kind.ORDER)
+        opened = tuple(item if item.kind in own else replace(item, size=sizes.get(item.kind, UNTRIED)) for item in more)
         return self.ground(with_imperfections(stand.graph, opened), slopes=slopes)
 
     def profile(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""
+        if not self.possible:
+            return []
         self.tell("asking what each imperfection would gain")
         usual, gains_of = self.asking(stand)
         known = {item.what.key for item in stand.added}
@@ -320,14 +326,16 @@ class Ground:
         """Give where recordings begin; what lags begins about where that is which it follows."""
         known = {name: k for k, name in enumerate(self.search.columns)}
         starts, sizes = np.zeros((2, len(records), len(self.columns)))
-        inputs = {f"{item.name}.lagged": k for k, item in enumerate(self.graph.inputs)}
-        sensors = {f"{item.name}.lagged": k for k, item in enumerate(self.graph.sensors)}
+        owners = {item.name: item.owner for item in self.model.plant.network.states if item.lag}
+        inputs = {item.name: k for k, item in enumerate(self.graph.inputs)}
+        sensors = {item.name: k for k, item in enumerate(self.graph.sensors)}
         for column, name in enumerate(self.columns):
             for r, record in enumerate(records):
                 if name in known:
                     first, size = begin.starts[r, known[name]], begin.sizes[r, known[name]]
                 else:
-                    course = record.u[:, inputs[name]] if name in inputs else record.y[:, sensors[name]]
+                    owner = owners[name]
+                    course = record.u[:, inputs[owner]] if owner in inputs else record.y[:, sensors[owner]]
                     course = course[np.isfinite(course)]
                     first, size = course[0], max(float(np.std(course)), 1e-9)
                 starts[r, column], sizes[r, column] = first, size
@@ -347,16 +355,16 @@ class Ground:
         summit = foretold(plant, records, begin, q)
         return score_recordings(all_known(plant, q), records, summit.point)
 
-    def best_lag(self, stand: Footing, item: Imperfection) -> tuple[Imperfection, float]:
-        """Give a lag as long as it explains most with all else as it stands, or a hold, and what it gains, nats."""
-        if item.kind is not Kind.LAG:
-            return self.best_size(stand, item, (item.size,))
-        times = [count * self.search.step for count in LAGS if count * self.search.step <= self.search.longest]
-        return self.best_size(stand, item, times or [self.search.step])
-
-    def best_size(self, stand: Footing, item: Imperfection, sizes: Sequence[float]) -> tuple[Imperfection, float]:
-        """Give an imperfection with that size which explains most with all else as it stands, and the gain, nats."""
-        tried = [replace(item, size=size) for size in sizes]
+    def best_late(self, stand: Footing, item: Imperfection) -> tuple[Imperfection, float]:
+        """Give a lag, a rate limit or a form with what explains most with all else as it stands, and the gain, nats."""
+        tried = [item]
+        if item.kind is Kind.LAG:
+            times = [count * self.search.step for count in LAGS if count * self.search.step <= self.search.longest]
+            tried = [replace(item, size=size) for size in times or [self.search.step]]
+        if item.kind is Kind.RATE_LIMIT:
+            lag = stand.graph.input(item.place).lag
+            times = [part * stand.values[lag] if lag else 10.0 * part * self.search.step for part in LAGS_LEFT]
+            tried = [replace(item, size=part * item.size, memory=time) for part in RATES for time in times]
         gains = self.gains_of(stand, tried)
         best = int(np.argmax(gains))
         return tried[best], float(gains[best])
@@ -389,11 +397,14 @@ class Ground:
     def with_one(self, q: FloatArray, item: Imperfection) -> FloatArray:
         """Give q (n_q,) with one imperfection of a size."""
         changed = q.copy()
-        if item.kind in KIND_HOLDS:
+        if item.kind in FORMS:
             return changed
         place = size_place(self.graph, self.layout, item)
         if item.is_parameter:
             changed[place] = item.size / self.graph.parameters[place].scale
+            if item.kind is Kind.RATE_LIMIT:
+                lag = size_place(self.graph, self.layout, lag_of(item))
+                changed[lag] = item.memory / self.graph.parameters[lag].scale
             return changed
         changed[place] = np.log(item.size)
         if item.is_slow:
@@ -408,10 +419,10 @@ class Ground:
         search, layout = self.search, self.layout
         base = nominal_q(self.model)
         base[layout.n_p :] = q[layout.n_p :]
-        lags, curves, further = (
-            {parameter_name(item) for item in opened if item.kind in kinds}
-            for kinds in ((Kind.LAG,), (Kind.CURVE,), (Kind.LAG, *TERMS))
-        )
+        beside = (lag_of(item) for item in opened if item.kind is Kind.RATE_LIMIT)
+        named = [(parameter_name(item), item.kind) for item in (*opened, *beside) if item.is_parameter]
+        lags, curves = ({name for name, kind in named if kind is wanted} for wanted in (Kind.LAG, Kind.CURVE))
+        further = {name for name, _ in named}
         sizes = {size_place(self.graph, layout, item): item for item in opened if item.kind in SIZED}
         memories = {memory_place(self.graph, layout, item): item for item in opened if item.is_slow}
         declared = range(layout.first_noise, layout.first_noise + layout.n_y + len(search.graph.slow_errors))

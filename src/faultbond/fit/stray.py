@@ -63,14 +63,13 @@ def strays_of(graph: BondGraph, found: Fit, estimates: Sequence[Estimate]) -> tu
     """
     if found.prior is Prior.NONE:
         return ()
-    lags = {item.lag for item in graph.inputs} | {item.lag for item in graph.sensors}
     n = len(estimates)
     slopes = found.plant.unknowns.fill(found.plant.base, found.summit.point.values)[1][:n]
     units = slopes * np.array([item.parameter.scale for item in estimates])
     strays = []
     for k, item in enumerate(estimates):
         off = strayed_by(item.parameter, item.value)
-        if abs(off) <= INSIDE or item.stays_zero or item.parameter.name in lags:
+        if abs(off) <= INSIDE or item.stays_zero or item.parameter.name in graph.lags:
             continue
         moved = abs(item.value - item.parameter.nominal)
         covariance = _without_scales(found.certainty, k)[:n, :n] * np.outer(units, units)  # SI
@@ -83,7 +82,7 @@ def strays_of(graph: BondGraph, found: Fit, estimates: Sequence[Estimate]) -> tu
             if j != k
             and with_it[j] > TRADED
             and moves[j] > other.parameter.accuracy
-            and other.parameter.name not in lags
+            and other.parameter.name not in graph.lags
         )
         strays.append(Stray(parameter=item.parameter, accuracies=off, moves=((item.parameter.name, moved), *others)))
     return tuple(sorted(strays, key=lambda one: -abs(one.accuracies)))

@@ -50,7 +50,7 @@ def _short(path: Path) -> str:
     match path:
         case (_, _, "parameters", _):
             return "nominal"
-        case (_, _, "lag"):
+        case (_, _, "lag" | "rate_limit"):
             return "value"
         case ("inputs", _):
             return "unit"

@@ -107,6 +107,7 @@ class ModelBuilder:
         settling: Scalar | None = None,
         hold: str | None = None,
         lag: Scalar | Fields | None = None,
+        rate_limit: Scalar | Fields | None = None,
         range: Scalar | Sequence[Scalar] | None = None,
         unknown: str | None = None,
         usual: Scalar | None = None,
@@ -116,8 +117,14 @@ class ModelBuilder:
     ) -> Self:
         """Add a measured or commanded input, or one that nobody measures: `unknown`."""
         fields: Fields = {"unit": unit, "column": column, "noise": noise, "settling": settling, "hold": hold}
-        fields = {**fields, "noise_of": noise_of, "lag": lag, "range": range, "unknown": unknown, "usual": usual}
-        found = {"suspect": suspect, "healthy_bias": healthy_bias, "fitted_range": fitted_range}
+        fields = {**fields, "noise_of": noise_of, "lag": lag, "rate_limit": rate_limit, "range": range}
+        found = {
+            "unknown": unknown,
+            "usual": usual,
+            "suspect": suspect,
+            "healthy_bias": healthy_bias,
+            "fitted_range": fitted_range,
+        }
         return self._add("inputs", name, {**fields, **found})
 
     def component(

@@ -34,6 +34,12 @@ class Unit:
         """Convert an SI difference (a standard deviation, say) to this unit."""
         return value / self.factor
 
+    @property
+    def rate(self) -> "Unit":
+        """That of its changes in a second: `percent/s`, `K/s` of a temperature."""
+        text = "K" if self.offset else self.text or "1"
+        return Unit(f"({text})/s" if "/" in text or "*" in text else f"{text}/s", self.factor)
+
 
 LOGIC_UNIT = Unit("logic")  # of a signal that is 0 or 1
 
@@ -113,6 +119,8 @@ class Input:
     hold: what it is between two rows
     smooth: whether the noise is that of the record, and what acts is smooth; else what acts scatters
     lag: the parameter with which what acts follows the record, as a time constant; empty: at once
+    order: how many stages in a row share that
+    rate_limit: the parameter that is the highest rate of what lags, SI; empty: any
     lower, upper: what it can be, in SI, infinite if unknown; a value beyond is wrong
     suspect: whether a fault may falsify it; always False where there is no time.
     healthy_bias: standard deviation of the bias that is found of it on healthy data, SI; 0 where that is not known.
@@ -127,6 +135,8 @@ class Input:
     hold: Hold = Hold.LAST
     smooth: bool = False
     lag: str = ""
+    order: int = 1
+    rate_limit: str = ""
     lower: float = -math.inf
     upper: float = math.inf
     suspect: bool = True
@@ -231,6 +241,7 @@ class Sensor:
 
     growth : by how much of that, per SI, it is larger at other readings; see `noise_at`
     lag : the parameter with which it follows what it reads, as a time constant; empty: at once
+    order : how many stages in a row share that
     lower, upper : ends of its measuring range in SI, infinite if unknown; a value at an end or beyond is saturated
     valid_when : when it reads as stated, beside what holds of the whole model; None: always
     suspect : whether it may fail; always False where there is no time
@@ -244,6 +255,7 @@ class Sensor:
     noise: float
     growth: float = 0.0
     lag: str = ""
+    order: int = 1
     lower: float = -math.inf
     upper: float = math.inf
     valid_when: Validity | None = None
@@ -379,6 +391,12 @@ class BondGraph:
         """The constants that stay what they are."""
         moving = {item.target for item in self.wanders}
         return tuple(item for item in self.constants if item.name not in moving)
+
+    @property
+    def lags(self) -> frozenset[str]:
+        """The parameters that say how inputs and sensors come behind: time constants and highest rates."""
+        inputs = (name for item in self.inputs for name in (item.lag, item.rate_limit))
+        return frozenset((*inputs, *(item.lag for item in self.sensors))) - {""}
 
     @property
     def is_block_network(self) -> bool:

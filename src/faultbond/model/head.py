@@ -61,8 +61,14 @@ class Head:
         return bool(self.logic_by)
 
 
-def _whole(place: Spot, least: int, most: int) -> int:
-    """Read a whole number within bounds."""
+def whole(place: Spot, least: int, most: int) -> int:
+    """Read a whole number within bounds.
+
+    Raises
+    ------
+    ModelError
+        where it is none, or out of them.
+    """
     text = place.text()
     if not (text.isascii() and text.isdigit() and len(text) <= len(str(most)) and least <= int(text) <= most):
         raise place.error(f" is a whole number from {least} to {most}, not `{shown(text)}`")
@@ -93,8 +99,8 @@ def read_head(source: Source, fields: Mapping[str, Spot], defaults: Defaults, na
         raise source.error(fields["time"].entry, problem)
     if "name" in fields:
         name = fields["name"].title()
-    max_faults = _whole(fields["max_faults"], 1, MOST_FAULTS) if "max_faults" in fields else MAX_FAULTS
-    false_alarms = _whole(fields["false_alarms"], 0, MOST_ALARMS) if "false_alarms" in fields else 0
+    max_faults = whole(fields["max_faults"], 1, MOST_FAULTS) if "max_faults" in fields else MAX_FAULTS
+    false_alarms = whole(fields["false_alarms"], 0, MOST_ALARMS) if "false_alarms" in fields else 0
     for key in ("name", "max_faults"):
         if key not in fields:
             defaults.missing(MODEL_KEYS, key)

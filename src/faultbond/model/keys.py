@@ -15,6 +15,7 @@ Form = Mapping[str, Any]  # JSON Schema of a value; a `description` in it is a p
 
 MAX_FAULTS = 2
 MOST_FAULTS = 10
+MOST_STAGES = 8  # of a lag
 ACCURACY = 3.0  # per cent of the nominal. Source: the thesis rates and the measured examples declare 3 %
 CHANGE = 200.0  # per cent of the nominal
 CHECK_COST = 1.0
@@ -111,14 +112,29 @@ PARAMETER_KEYS = Keys(
     },
     short="nominal",
 )
+_TRUSTED_KEYS = {key: PARAMETER_KEYS.known[key] for key in ("accuracy", "change", "healthy_change", "range")} | {
+    "suspect": Key(YES_NO, "`yes` makes it a suspect; default `no`"),
+}
 LAG_KEYS = Keys(
     {
         "value": Key(VALUE, "time constant", required=True, missing="state the time constant, such as `value: 3 s`"),
-        "accuracy": PARAMETER_KEYS.known["accuracy"],
-        "change": PARAMETER_KEYS.known["change"],
-        "healthy_change": PARAMETER_KEYS.known["healthy_change"],
-        "range": PARAMETER_KEYS.known["range"],
-        "suspect": Key(YES_NO, "`yes` makes the lag a suspect; default `no`"),
+        "order": Key(
+            {
+                "description": "",
+                "anyOf": [{"type": "integer", "minimum": 1, "maximum": MOST_STAGES}, {"type": "string"}],
+            },
+            "so many equal stages in a row share it; many come near a dead time; default 1",
+        ),
+        **_TRUSTED_KEYS,
+    },
+    short="value",
+)
+RATE_LIMIT_KEYS = Keys(
+    {
+        "value": Key(
+            VALUE, "highest rate", required=True, missing="state the highest rate, such as `value: 5 percent/s`"
+        ),
+        **_TRUSTED_KEYS,
     },
     short="value",
 )
@@ -152,6 +168,7 @@ INPUT_KEYS = Keys(
             "`last`, and with `row_time` `linear`",
         ),
         "lag": Key(LAG_KEYS, "time constant with which what acts follows the record; default: at once"),
+        "rate_limit": Key(RATE_LIMIT_KEYS, "beside a lag: how fast what acts can move at most; default: at any rate"),
         "range": Key(RANGE, "what it can be; a value beyond is not used; default any"),
         "unknown": Key(
             _SLOW, "nobody measures it: how far it goes from its usual value, and its memory, `5 W over 1 h`"

@@ -82,6 +82,9 @@ class LawReader:
         missing = [signal for signal in MUST_NAME[part.type] if f"{part.name}.{signal}" not in used]
         if missing:
             problem = f"names no `{missing[0]}`; the law of {element} relates {', '.join(MUST_NAME[part.type])}"
+            if part.type is ElementType.R and len(missing) == 1:
+                source = {"f": "Se", "e": "Sf"}[missing[0]]
+                problem += f"; one that does not depend on it, as of a static head, is a source, `type: {source}`"
             ends = [name for name in used if name.endswith(".e") and not name.startswith(f"{part.name}.")]
             if part.type is ElementType.R and missing == ["e"] and len(ends) == 2:
                 a, b = sorted(ends)

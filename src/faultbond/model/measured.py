@@ -87,6 +87,7 @@ class MeasuredReader:
                 problem = ": with `sample_time: none` there are no states of operation; remove it"
                 raise fields["valid_when"].error(problem)
             self.valid[name] = place.at(fields["valid_when"])
+        lag, order = self.numbers.lag(place, fields["lag"]) if "lag" in fields else ("", 1)
         return Sensor(
             name=name,
             column=read_column(self.head, fields, SENSOR_KEYS, name),
@@ -94,7 +95,8 @@ class MeasuredReader:
             reads=reads,
             noise=noise,
             growth=self._part(place, fields, self.units[name]) / noise if noise else 0.0,
-            lag=self.numbers.lag(place, fields["lag"]) if "lag" in fields else "",
+            lag=lag,
+            order=order,
             lower=lower,
             upper=upper,
             suspect=read_instrument(self.head, fields),

@@ -91,6 +91,7 @@ def _size_path(graph: BondGraph, size: NewSize) -> tuple[str, ...]:
 def parameter_path(graph: BondGraph, name: str) -> tuple[str, ...]:
     """Give where a parameter stands, by keys from the top of the file."""
     lags = {item.lag: ("inputs", item.name, "lag") for item in graph.inputs}
+    lags |= {item.rate_limit: ("inputs", item.name, "rate_limit") for item in graph.inputs if item.rate_limit}
     lags |= {item.lag: ("sensors", item.name, "lag") for item in graph.sensors}
     section = "blocks" if graph.is_block_network else "components"
     return lags.get(name) or (section, graph.parameter(name).owner, "parameters", name)

@@ -8,8 +8,19 @@ from dataclasses import dataclass
 from faultbond.model.defaults import default_range
 from faultbond.model.expression import FUNCTIONS, RATE
 from faultbond.model.graph import LOGIC_UNIT, Constant, Input, Parameter, SlowError
-from faultbond.model.head import Head
-from faultbond.model.keys import ACCURACY, CHANGE, HOLDS, INPUT_KEYS, LAG_KEYS, NOISES_OF, PARAMETER_KEYS, Keys
+from faultbond.model.head import Head, whole
+from faultbond.model.keys import (
+    ACCURACY,
+    CHANGE,
+    HOLDS,
+    INPUT_KEYS,
+    LAG_KEYS,
+    MOST_STAGES,
+    NOISES_OF,
+    PARAMETER_KEYS,
+    RATE_LIMIT_KEYS,
+    Keys,
+)
 from faultbond.model.quantities import NO_UNIT, Quantity, Spread, quantity, spread_over
 from faultbond.model.source import Entry, shown
 from faultbond.model.spot import Spot, check_name
@@ -58,7 +69,7 @@ class ValueReader:
         self.head, self.source, self.defaults = head, head.source, head.defaults
         self.measures: dict[str, Measure | None] = {}
         self.places: dict[str, tuple[str, int]] = {}
-        self.lags: list[Parameter] = []  # the time constants of inputs and sensors, which no law has to name
+        self.lags: list[Parameter] = []  # time constants and highest rates of instruments, which no law has to name
         self.wanders: list[SlowError] = []  # how far numbers go from their usual values by themselves
 
     def read(
@@ -154,6 +165,7 @@ class ValueReader:
         if not settling and not self.head.static:
             self.defaults.missing(INPUT_KEYS, "settling", name)
         lower, upper = read_reach(self.head, fields, lambda end: self._end(end, found))
+        lag, order = self.lag(place, fields["lag"]) if "lag" in fields else ("", 1)
         return Input(
             name=name,
             column=read_column(self.head, fields, INPUT_KEYS, name),
@@ -162,7 +174,9 @@ class ValueReader:
             settling=settling.seconds() if settling else 0.0,
             smooth=self._is_smooth(fields["noise_of"], noise) if "noise_of" in fields else False,
             hold=self._hold(fields),
-            lag=self.lag(place, fields["lag"]) if "lag" in fields else "",
+            lag=lag,
+            order=order,
+            rate_limit=self._rate_limit(place, fields, found) if "rate_limit" in fields else "",
             lower=lower,
             upper=upper,
             suspect=read_instrument(self.head, fields),
@@ -211,17 +225,49 @@ class ValueReader:
             raise place.error(": with `row_time` a sample is the mean of the rows about it; remove it")
         return hold if "lag" in fields or usual is Hold.LAST else usual
 
-    def lag(self, owner: Spot, stated: Spot) -> str:
-        """Take the lag of an input or a sensor; give the parameter that is its time constant.
+    def lag(self, owner: Spot, stated: Spot) -> tuple[str, int]:
+        """Take the lag of an input or a sensor; give the parameter that is its time constant, and its order.
 
         Raises
         ------
         ModelError
             where it is no time above 0, or something else has the name of the parameter.
         """
+        place = self._own(owner, stated, "lag")
+        fields = place.fields(LAG_KEYS)
+        value, seconds = place.at(fields["value"]), measure("s")
+        nominal = value.quantity(seconds)
+        value.check_unit(nominal, seconds)
+        if not nominal.value > 0.0:
+            raise value.error(" is a time above 0, such as `3 s`; an input or a sensor without `lag` follows at once")
+        value.check_time(nominal.value)
+        name = self._trusted(place, fields, nominal, owner.name, "nothing acts before its cause")
+        return name, whole(fields["order"], 1, MOST_STAGES) if "order" in fields else 1
+
+    def _rate_limit(self, owner: Spot, stated: Mapping[str, Spot], unit: Measure | None) -> str:
+        """Take the highest rate of what an input moves; give the parameter that is it."""
+        place = self._own(owner, stated["rate_limit"], "rate_limit")
+        if "lag" not in stated:
+            usual = f"{self.head.sample_time:g} s" if self.head.sample_time else "1 s"
+            raise place.error(
+                f": it needs a `lag` beside it; state `lag: {usual}`, one sample, if nothing is known of it"
+            )
+        fields = place.fields(RATE_LIMIT_KEYS)
+        value = place.at(fields["value"])
+        rate = measure((unit.unit if unit else NO_UNIT).rate.text)
+        nominal = value.quantity(rate)
+        value.check_unit(nominal, rate)
+        if not nominal.value > 0.0:
+            raise value.error(
+                f" is a rate above 0, such as `5 {rate.unit.text}`; without it what lags moves at any rate"
+            )
+        return self._trusted(place, fields, nominal, owner.name, "its size is meant, in both directions")
+
+    def _own(self, owner: Spot, stated: Spot, word: str) -> Spot:
+        """Give the place of a number that belongs to an input or a sensor, called by the name of that."""
         if self.head.static:
             raise stated.error(": with `sample_time: none` each row stands by itself, and nothing lags; remove it")
-        name = f"{owner.name}_lag"
+        name = f"{owner.name}_{word}"
         if name in self.places:
             other, line = self.places[name]
             first = f" on line {line}" if self.source.has_lines else ""
@@ -229,20 +275,15 @@ class ValueReader:
             raise stated.error(
                 f": its parameter is called `{name}`, and so is {article} {other}{first}; rename that one"
             )
-        place = Spot(self.source, stated.words, Entry(name, stated.entry.value, stated.line))
-        fields = place.fields(LAG_KEYS)
-        value = place.at(fields["value"])
-        nominal = value.quantity(measure("s"))
-        value.check_unit(nominal, measure("s"))
-        if not nominal.value > 0.0:
-            raise value.error(" is a time above 0, such as `3 s`; an input or a sensor without `lag` follows at once")
-        value.check_time(nominal.value)
-        suspect = read_suspect(fields, default=False)
-        found = self._number(place, fields, nominal, owner.name, "lag", suspect)
+        return Spot(self.source, stated.words, Entry(name, stated.entry.value, stated.line))
+
+    def _trusted(self, place: Spot, fields: Mapping[str, Spot], nominal: Quantity, owner: str, sign: str) -> str:
+        """Keep a number of an input or a sensor, which is above 0; it is trusted unless it says otherwise."""
+        found = self._number(place, fields, nominal, owner, "lag", read_suspect(fields, default=False))
         if found.lower < 0.0:
-            raise fields["range"].error(" must not go below 0 s; nothing acts before its cause")
+            raise fields["range"].error(f" must not go below 0; {sign}")
         self.lags.append(found)
-        return name
+        return found.name
 
     def _parameter(self, place: Spot, owner: Part) -> Parameter:
         fields = place.fields(PARAMETER_KEYS)

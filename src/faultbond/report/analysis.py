@@ -21,7 +21,8 @@ from faultbond.analysis.testable import SetVerdict
 from faultbond.analysis.twins import Comparison
 from faultbond.contract.json_records import Record
 from faultbond.diagnosability.isolability import Isolability
-from faultbond.model.graph import BondGraph, Unit
+from faultbond.model.expression import names
+from faultbond.model.graph import BondGraph, Component, Unit
 from faultbond.model.units import measure
 from faultbond.report.console import lines, table, title, under
 from faultbond.report.names import LISTED, braced, listed, some
@@ -70,6 +71,8 @@ def print_view(console: Console, graph: BondGraph, view: CapabilityView, heading
     header = ("suspects in a set", "sets", "testable", "explain anything", "values not fixed")
     table(console, header, [tuple(map(str, row)) for row in counts])
     all_of = f"the {n_parameters} parameters" if n_parameters > 1 else "the one parameter"
+    trusted = [item.name for item in graph.parameters if not item.suspect]
+    all_of += f", {join(trusted)} among them, which {'are' if len(trusted) > 1 else 'is'} trusted" if trusted else ""
     guess = "" if rank.clear else "; rounding decides, so this is a guess"
     shown = f"{with_noun(rank.value, 'combination')} of {all_of}{guess}"
     found = _groups_told(view.names, "cannot be told apart", view.sudden_groups, view.sudden_groups)
@@ -128,13 +131,13 @@ def print_structure(
     sensors: Sequence[Sequence[str]],
 ) -> None:
     """Print what the equations alone say, whatever the values of the parameters."""
-    title(console, "By structure alone", "which equation checks which, whatever the values")
+    title(console, "By structure alone", "which equation checks which; values and time, which `run` uses, tell more")
     mixed = found["mixed"]
     hidden = [name for name, seen in zip(suspects, mixed.detectable, strict=True) if not seen]
     seen = f"all but {', '.join(hidden)}" if len(hidden) < len(suspects) else "none"
     items = [("detectable", seen if hidden else "all faults")]
     if len(suspects) - len(hidden) > 1:
-        together = [braced(names) for names in inseparable(suspects, mixed) if len(names) > 1]
+        together = [f"within {braced(names)}" for names in inseparable(suspects, mixed) if len(names) > 1]
         alone = f"none: each {'detectable fault' if hidden else 'fault'} can be told from every other"
         items.append(("not isolable", join(together) if together else alone))
     pairs = {name: int(item.isolable.sum()) for name, item in found.items()}
@@ -267,25 +270,39 @@ def print_smallest(console: Console, graph: BondGraph, found: Sequence[SmallestF
         rows.append((item.parameter, change, unit_text(unit.text), part, effects, ", ".join(item.alike)))
     header = ("parameter", "change", "unit", "of nominal", "largest effect, in noise sd", "then alike")
     table(console, header, rows)
-    lines(console, heat_lines(graph, [item.parameter for item in found]))
+    told = heat_lines(graph, [item.parameter for item in found])
+    if not graph.slow_errors and not any(item.healthy_change for item in graph.parameters):
+        exact = "of a plant that is as the model says. What a first model leaves out hides more: `fit --until-quiet`"
+        told.append(("these are", exact))
+    lines(console, told)
 
 
 def heat_lines(graph: BondGraph, names: Collection[str]) -> list[tuple[str, str]]:
     """Say of heat capacities among these what a smallest fault of them is; nothing where there is none.
 
-    Heat counts from 0 K. One that stays where the capacity jumps is another temperature at once, by far more than a
-    capacity that changes while the plant is cold, or slowly, ever shows.
+    Heat counts from 0 K, unless the law counts it from elsewhere. One that stays where the capacity jumps is another
+    temperature at once, by far more than a capacity that changes while the plant is cold, or slowly, ever shows.
     """
     kelvins = {item.name: dict(measure(item.unit.text).dimension.powers).get("kelvin", 0) for item in graph.parameters}
-    stores = {name for item in graph.components if item.type is ElementType.C for name in item.parameters}
+    stores = {
+        name
+        for item in graph.components
+        if item.type is ElementType.C and not _constants_of(graph, item)
+        for name in item.parameters
+    }
     told = [name for name in names if name in stores and kelvins[name] == -1]
     if not told:
         return []
     text = (
         "a jump, at which the heat stays; it counts from 0 K, so that 0.1 % are 0.3 K at once. "
-        "A change that comes slowly has to be much larger"
+        "A change that comes slowly has to be much larger. Count heat from a usual temperature: `q = C*(e - T0)`"
     )
     return [(join(told), text)]
+
+
+def _constants_of(graph: BondGraph, part: Component) -> set[str]:
+    """Give the constants that the law of a component names."""
+    return {name for law in part.laws for name in names(law.right)} & {item.name for item in graph.constants}
 
 
 def _unit_of(graph: BondGraph, name: str) -> tuple[Unit, float]:
@@ -352,7 +369,7 @@ def print_input_advice(console: Console, found: Sequence[Stimulus], note: str) -
     """Print which input to move so that sets can be told apart; the note says where they look alike."""
     title(console, "Test inputs", note)
     if not found:
-        lines(console, [("", "nothing looks alike that moving an input would tell apart")])
+        lines(console, [("", "what looks alike, if anything does, no move of an input would tell apart")])
         return
     for item in found:
         named = join([braced(names) for names in item.sets])

@@ -33,7 +33,7 @@ from faultbond.model.parser import to_text
 from faultbond.report.console import table, title
 from faultbond.report.numbers import short, with_noun
 
-UNSOLVED = 24  # sets of several parameters without a closed form that are listed
+UNSOLVED = 6  # sets of several parameters without a closed form that are listed
 LONGEST = 1500  # letters of a closed form on a terminal
 
 
@@ -91,10 +91,13 @@ def print_routes(
     def remark(text: str) -> None:
         console.print(Padding(Text(text, style="dim"), (0, 0, 0, 1)))
 
-    title(console, "How it follows from the measurements", "components passed, samples used, noise of the result")
+    what = "components passed, samples used, noise by these alone"
+    title(console, "How it follows from the measurements", what)
     several = [item for item in found if _is_unsolved_set(item)]
     shown = [*(item for item in found if not _is_unsolved_set(item)), *several[:UNSOLVED]]
-    table(console, ("what", "components", "samples", "noise (sd)", "solved"), [_row(network, item) for item in shown])
+    table(
+        console, ("what", "components", "samples", "noise (sd, SI)", "solved"), [_row(network, item) for item in shown]
+    )
     if len(several) > UNSOLVED:
         remark(f"... and {len(several) - UNSOLVED} more sets of parameters; --json writes all")
     for item in found:

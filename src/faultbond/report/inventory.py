@@ -22,6 +22,7 @@ from faultbond.model.keys import BETWEEN, BEYOND, NOISES_OF
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.doubts import active_texts, doubtful, hidden_suspects
+from faultbond.report.lateness import lag_lines, validity_lines
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
 from faultbond.report.oddities import oddities
 from faultbond.report.reservations import known_alarms
@@ -30,7 +31,7 @@ from faultbond.report.together import together_texts
 from faultbond.report.verdict import step_text, unfalsifiable_text
 from faultbond.synthesis.extent import count_lanes
 from faultbond.synthesis.specify import PROCESS_NOISE
-from faultbond.types import CheckKind, Hold, TimeGrid
+from faultbond.types import CheckKind, TimeGrid
 
 METHOD = "ROS2 (a Rosenbrock method): second order, L-stable; an input is held over its step"
 THRESHOLDS = {
@@ -156,7 +157,9 @@ def check_record(seen: Inventory) -> Record:
         "inputs": [
             {"name": item.name, "column": item.column, "unit": item.unit.text, "noise": item.noise}
             | {"settling": item.settling, "step": known.step, "step_part": known.step_part, "suspect": item.suspect}
-            | {"lag": graph.parameter(item.lag).nominal if item.lag else 0.0, "hold": item.hold.value}
+            | {"lag": graph.parameter(item.lag).nominal if item.lag else 0.0, "order": item.order}
+            | {"rate_limit": graph.parameter(item.rate_limit).nominal if item.rate_limit else None}
+            | {"hold": item.hold.value}
             | {"noise_of": NOISES_OF[item.smooth]}
             for item, known in zip(graph.inputs, spec.inputs, strict=True)
         ],
@@ -165,7 +168,7 @@ def check_record(seen: Inventory) -> Record:
         "sensors": [
             {"name": item.name, "column": item.column, "unit": item.unit.text, "reads": to_text(item.reads)}
             | {"noise": item.noise, "noise_part": item.part, "range": [item.lower, item.upper], "suspect": item.suspect}
-            | {"lag": graph.parameter(item.lag).nominal if item.lag else 0.0}
+            | {"lag": graph.parameter(item.lag).nominal if item.lag else 0.0, "order": item.order}
             | {"valid_when": _condition_record(item.valid_when)}
             | {"direct_inputs": [spec.inputs[k].name for k in known.direct_inputs]}
             for item, known in zip(graph.sensors, spec.outputs, strict=True)
@@ -457,7 +460,7 @@ def _print_signals(console: Console, seen: Inventory) -> None:
         direct = ", ".join(graph.inputs[n].name for n in output.direct_inputs)
         sensors.append((sensor.name, sensor.column, to_text(sensor.reads), unit, noise, direct))
     table(console, ("name", "column", "reads", "unit", _noise_title(graph), "follows at once"), sensors)
-    lines(console, [*_lags(seen), *_valid(graph), *_instruments(graph)])
+    lines(console, [*lag_lines(graph, spec), *validity_lines(graph), *_instruments(graph)])
     for kind, heading, what in (("slow_error", "Slow errors", "signal"), ("wander", "What wanders", "name")):
         rows = []
         for error, slow in zip(graph.slow_errors, spec.slow_errors, strict=True):
@@ -485,34 +488,6 @@ def unused_inputs(graph: BondGraph) -> tuple[str, ...]:
 def _noise_title(graph: BondGraph) -> str:
     """Say what the noise is of that is shown: where rows are averaged, of their mean."""
     return "noise (sd)" if graph.row_time is None else "noise of means (sd)"
-
-
-def _valid(graph: BondGraph) -> Iterator[tuple[str, str]]:
-    """Say when the model and its sensors hold, where that is stated."""
-    stated = [("the model", graph.valid_when), *((item.name, item.valid_when) for item in graph.sensors)]
-    for name, item in stated:
-        if item is not None:
-            settled = f", and has been for {duration_text(item.settling)}" if item.settling else ""
-            yield "valid when", f"{name}: {to_text(item.condition)}{settled}"
-
-
-def _lags(seen: Inventory) -> Iterator[tuple[str, str]]:
-    """Give the lags of inputs and sensors, and what to do where the model has none that the plant has."""
-    graph = seen.graph
-    linear = [item.name for item in graph.inputs if item.linear]
-    if linear:
-        yield "linear", f"{', '.join(linear)}: from row to row"
-    early = [item.name for item in graph.inputs if item.hold is Hold.NEXT]
-    if early:
-        yield "hold", f"{', '.join(early)}: as in the next row"
-    instruments: list[Input | Sensor] = [*graph.inputs, *graph.sensors]
-    lagging = [item for item in instruments if item.lag]
-    if lagging:
-        yield "lag", ", ".join(f"{item.name} {duration_text(graph.parameter(item.lag).nominal)}" for item in lagging)
-    direct = {k for item in seen.spec.outputs for k in item.direct_inputs if not seen.spec.inputs[k].settling}
-    if direct and graph.grid is not TimeGrid.NONE:
-        names = ", ".join(item.name for k, item in enumerate(graph.inputs) if k in direct)
-        yield "felt at once", f"{names}: if it takes time to act, or a sensor to follow, state its `lag`"
 
 
 def _instruments(graph: BondGraph) -> Iterator[tuple[str, str]]:

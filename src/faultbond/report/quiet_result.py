@@ -12,7 +12,15 @@ from faultbond.analysis.smallest import SmallestFault
 from faultbond.contract.json_records import Record
 from faultbond.fit.bend import Bend
 from faultbond.fit.foothold import Added
-from faultbond.fit.imperfections import KIND_HOLDS, TERMS, Imperfection, Kind, parameter_name, with_imperfections
+from faultbond.fit.imperfections import (
+    KIND_HOLDS,
+    TERMS,
+    Imperfection,
+    Kind,
+    lag_of,
+    parameter_name,
+    with_imperfections,
+)
 from faultbond.fit.innovations import Variant
 from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.trial import Health
@@ -109,7 +117,10 @@ def amended_text(text: str, graph: BondGraph, added: Sequence[Added]) -> str:
     """Give a model text with imperfections."""
     whole = with_imperfections(graph, tuple(item.what for item in added))
     terms = [item.what for item in added if item.what.kind in TERMS]
-    entries = dict(_entry(graph, whole, item.what) for item in added if item.what.kind not in TERMS)
+    beside = (lag_of(item.what) for item in added if item.what.kind is Kind.RATE_LIMIT)
+    lags = (item for item in beside if not graph.input(item.place).lag)  # unless one was found by itself
+    others = (item.what for item in added if item.what.kind not in TERMS)
+    entries = dict(_entry(graph, whole, item) for item in (*lags, *others))
     powers = [(parameter_path(whole, parameter_name(item)), _term(whole, item)) for item in terms]
     return amended(text, [*entries.items(), *_changed_laws(graph, whole), *powers], graph.file)
 
@@ -142,7 +153,13 @@ def _entry(graph: BondGraph, whole: BondGraph, item: Imperfection) -> tuple[Path
     """
     section = "sensors" if item.is_sensor else "inputs"
     if item.kind is Kind.LAG:
-        return (section, item.place, "lag"), f"{{value: {item.size:.3g} s, accuracy: 10 %}}"
+        stages = f"order: {item.order}, " if item.order > 1 else ""
+        return (section, item.place, "lag"), f"{{value: {item.size:.3g} s, {stages}accuracy: 10 %}}"
+    if item.kind is Kind.ORDER:
+        return (section, item.place, "lag", "order"), f"{item.size:g}"
+    if item.kind is Kind.RATE_LIMIT:
+        size, unit = _sized(graph, item)
+        return (section, item.place, "rate_limit"), f"{{value: {size:.3g} {unit}, accuracy: 10 %}}"
     if item.kind in KIND_HOLDS:
         return (section, item.place, "hold"), KIND_HOLDS[item.kind].value
     words = _size_words(graph, item)
@@ -189,6 +206,11 @@ def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
         return 100.0 * item.size, "%"
     if item.kind is Kind.LAG:
         return item.size, "s"
+    if item.kind is Kind.ORDER:
+        return item.size, ""
+    if item.kind is Kind.RATE_LIMIT:
+        rate = graph.input(item.place).unit.rate
+        return item.size / rate.factor, rate.text
     known = {one.name: one.unit for one in graph.sensors} | {one.name: one.unit for one in graph.inputs}
     declared = {one.target: one.unit for one in graph.slow_errors if not one.relative}
     unit = known.get(item.place) or declared.get(item.place) or Unit("")
@@ -283,6 +305,7 @@ def quiet_record(found: Quieted) -> Record:
                 "after": item.what.after or None,
                 "size": None if item.what.kind in KIND_HOLDS else item.what.size,
                 "memory": item.what.memory if item.what.is_slow else None,
+                "order": item.what.order if item.what.kind is Kind.LAG else None,
                 "gain": item.trained,
                 "gain_held_back": item.held,
                 "alike": [{"kind": other.kind.value, "of": other.place} for other in item.alike],
@@ -435,8 +458,9 @@ def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:
     number, words = figure(size, digits=3).number(), unit_text(unit)
     if item.what.kind in KIND_HOLDS:
         number = words = ""
+    stages = f" in {item.what.order} stages" if item.what.order > 1 else ""
     return (
-        item.what.kind.value,
+        item.what.kind.value + stages,
         item.what.key[1],
         number,
         words,

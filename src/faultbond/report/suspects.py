@@ -93,8 +93,7 @@ def owner_of(graph: BondGraph, suspect: Suspect) -> str:
 
 def owner_title(graph: BondGraph, item: Parameter) -> str:
     """Name what a parameter belongs to: `pipe`, or of a lag `flow sensor`, `input u_in`."""
-    lags = {other.lag for other in graph.inputs} | {other.lag for other in graph.sensors}
-    return instrument_title(graph, item.owner) if item.name in lags else item.owner
+    return instrument_title(graph, item.owner) if item.name in graph.lags else item.owner
 
 
 def with_article(owner: str) -> str:

@@ -123,10 +123,13 @@ class Integrator:
             moving[k] = inputs.get(stores[k].source, 0.0)
             late += [] if stores[k].source else [k]
         s = self._solved(moving, u, theta)
-        if late:  # T der(s) = r - s, so that where s is 0 what is read is T der(s)
+        if late:  # T/n der(s) = r - s, so that where s is 0 what is read is T/n der(s)
             times = {item.name: value for item, value in zip(graph.parameters, theta.tolist(), strict=True)}
+            orders = {item.name: item.order for item in graph.sensors}
             rates = self.rates(s[: self.n_moving], s[self.n_moving :], u, theta)[0].full()[:, 0]
-            s[late] = [times[stores[k].lag] * rates[k] for k in late]
+            for owner in dict.fromkeys(stores[k].owner for k in late):
+                stages = [k for k in late if stores[k].owner == owner]
+                s[stages] = times[stores[stages[0]].lag] / orders[owner] * rates[stages[0]]
         return s
 
     def _solved(self, moving: FloatArray, u: FloatArray, theta: FloatArray) -> FloatArray:

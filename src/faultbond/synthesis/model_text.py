@@ -91,7 +91,7 @@ def _sizes(
         "RATES_ARE_LINEAR": int(linear),
         "READINGS_ARE_LINEAR": int(model.measure_is_linear),
         **plan_sizes(spec),
-        **({"N_HELD": len(spec.held)} if spec.held else {}),
+        **({"N_HELD": len(spec.held), "N_HELD_STATES": len(spec.held_states)} if spec.held else {}),
     }
     return "\n".join(f"#define {name} {size}" for name, size in sizes.items())
 
@@ -119,7 +119,8 @@ def _tables(spec: EngineSpec) -> Iterable[str]:
     yield integers("OUTPUT_CONDITION", (item.condition for item in spec.outputs))
     if spec.held:
         yield integers("HELD_OUTPUT", spec.held)
-        yield integers("HELD_STATE", (spec.outputs[k].lag_state for k in spec.held))
+        yield integers("HELD_STATE", (state for state, _ in spec.held_states))
+        yield integers("HELD_BY", (h for _, h in spec.held_states))
     yield integers("INPUT_LINEAR", (item.linear for item in spec.inputs))
     yield integers("INPUT_NEXT", (item.hold is Hold.NEXT for item in spec.inputs))
     for layout, kind in _kinds(spec):

@@ -25,14 +25,14 @@ def factors_of_inputs(plant: Plant) -> tuple[int, ...]:
     """
     graph, values = plant.graph, ca.vertcat(plant.rates, plant.readings, plant.gap)
     function = ca.Function("values", [plant.x, plant.u, plant.theta, plant.b, plant.z], [ca.densify(values)])
-    points, stores = list(_points(plant)), [item.name for item in plant.network.states]
+    points, stores = list(_points(plant)), plant.network.states
     found = []
     for k, item in enumerate(graph.inputs):
         lag = graph.parameter(item.lag).nominal if item.lag else 0.0
         if lag > LATE * (graph.sample_time or 0.0):
             found.append(-1)
             continue
-        behind = stores.index(f"{item.name}.lagged") if item.lag else -1
+        behind = [j for j, store in enumerate(stores) if item.lag and store.owner == item.name]
         named = (j for j, known in enumerate(graph.parameters) if known.suspect and known.nominal != 0.0)
         alike = (j for j in named if _act_together([_values(function, point, k, behind, j) for point in points]))
         found.append(next(alike, -1))
@@ -50,20 +50,18 @@ def _points(plant: Plant) -> Iterator[list[FloatArray]]:
         yield drawn
 
 
-def _values(function: ca.Function, point: list[FloatArray], number: int, behind: int, parameter: int) -> Probe:
+def _values(function: ca.Function, point: list[FloatArray], number: int, behind: list[int], parameter: int) -> Probe:
     """Give what tells rates and readings with an input, and what lags behind it, larger, and a parameter smaller.
 
-    behind : the state that lags behind the input, of which the rate is left out; -1: none does
+    behind : the states that lag behind the input, of which the rates are left out
     """
 
     def values(larger: float, smaller: float) -> FloatArray:
         x, u, theta = point[0].copy(), point[1].copy(), point[2].copy()
         u[number] *= larger
         theta[parameter] /= smaller
-        if behind >= 0:
-            x[behind] *= larger
-        found = np.asarray(function(x, u, theta, *point[3:]))[:, 0]
-        return found if behind < 0 else np.delete(found, behind)
+        x[behind] *= larger
+        return np.delete(np.asarray(function(x, u, theta, *point[3:]))[:, 0], behind)
 
     return values
 

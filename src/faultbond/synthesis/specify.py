@@ -19,6 +19,7 @@ from faultbond.contract.spec import (
     StateSpec,
     Thresholds,
 )
+from faultbond.equations.constraint_network import Store
 from faultbond.equations.step import StepModel, reference_inputs
 from faultbond.model.graph import BondGraph, Input, Parameter, Sensor, SlowError, Validity
 from faultbond.synthesis.products import factors_of_inputs
@@ -58,7 +59,7 @@ def build_spec(model: StepModel) -> EngineSpec:
         )
         for error, limit in zip(graph.slow_errors, limits, strict=True)
     )
-    conditions, stores = graph.conditions, [item.name for item in plant.network.states]
+    conditions, stores = graph.conditions, plant.network.states
     grid = graph.sample_time if graph.sample_time is not None else 1.0
     return EngineSpec(
         model=graph.name,
@@ -268,7 +269,7 @@ def _input(item: Input, factor: int, *, acts: bool) -> InputSpec:
 
 
 def _output(
-    item: Sensor, direct: tuple[int, ...], conditions: tuple[Validity, ...], stores: Sequence[str]
+    item: Sensor, direct: tuple[int, ...], conditions: tuple[Validity, ...], stores: Sequence[Store]
 ) -> OutputSpec:
     return OutputSpec(
         name=item.name,
@@ -280,7 +281,7 @@ def _output(
         suspect=item.suspect,
         ranged=bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
         condition=_place(item.valid_when, conditions),
-        lag_state=stores.index(f"{item.name}.lagged") if item.lag else -1,
+        lag_states=tuple(k for k, store in enumerate(stores) if item.lag and store.owner == item.name),
         growth=item.growth,
         healthy_bias=item.healthy_bias,
     )

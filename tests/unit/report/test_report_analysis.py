@@ -1,6 +1,7 @@
 """The text of an analysis: what is counted, what is listed, what is left out and said to be."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from io import StringIO
 
 import numpy as np
@@ -16,7 +17,7 @@ from faultbond.analysis.smallest import Effect, SmallestFault
 from faultbond.analysis.testable import Judgement, SetVerdict
 from faultbond.analysis.twins import Comparison, Twins
 from faultbond.diagnosability.isolability import Isolability
-from faultbond.model.graph import BondGraph
+from faultbond.model.graph import BondGraph, SlowError
 from faultbond.model.text import load_model, parse_model
 from faultbond.report.analysis import (
     StructuralTests,
@@ -87,6 +88,9 @@ def test_numbers_agree_with_their_nouns() -> None:
     assert "shows 1 combination of the one parameter\n" in one + "\n"
     assert "shows 2 combinations of the 2 parameters\n" in two
     assert "groups all testable sets can be told apart" in two
+    trusting = replace(plant(2), parameters=tuple(replace(x, suspect=x.name == "a1") for x in plant(2).parameters))
+    text = printed(lambda console: print_view(console, trusting, view(2), "Title", ""))
+    assert "shows 2 combinations of the 2 parameters, a0 among them, which is trusted\n" in text
 
 
 def test_a_rank_that_rounding_decides_is_a_guess() -> None:
@@ -140,7 +144,7 @@ def found(detectable: list[bool], isolable: list[list[bool]]) -> dict[str, Isola
     [
         ([False, False], [[0, 0], [0, 0]], ["detectable none"]),
         ([True, False], [[0, 1], [0, 0]], ["detectable all but b"]),
-        ([True, True], [[0, 0], [0, 0]], ["detectable all faults", "not isolable {a, b}"]),
+        ([True, True], [[0, 0], [0, 0]], ["detectable all faults", "not isolable within {a, b}"]),
         ([True, True], [[0, 1], [1, 0]], ["not isolable none: each fault can be told from every other"]),
     ],
 )
@@ -228,6 +232,9 @@ def test_effects_that_rounding_leaves_are_none() -> None:
     assert "a0 0.5 50 % y 2.5, z 0" in text
     assert "a1 not found too small" in text
     assert f"a2 not looked for {NO_TIME}" in text
+    assert "these are of a plant that is as the model says" in text
+    imperfect = replace(plant(3), slow_errors=(SlowError(target="y", sd=1.0, relative=False, memory=1.0),))
+    assert "these are" not in printed(lambda console: print_smallest(console, imperfect, found))
 
 
 def test_nothing_is_said_of_smallest_faults_without_any() -> None:
@@ -242,4 +249,6 @@ def test_of_heat_capacities_it_is_told_what_a_smallest_fault_is() -> None:
     assert names == "C1"
     assert text.startswith("a jump, at which the heat stays; it counts from 0 K")
     assert heat_lines(store, ["U"]) == []
+    from_usual = STORE.replace("q = C1*e", "q = C1*(e - T0)").replace("inputs:", "constants: {T0: 20 degC}\ninputs:")
+    assert heat_lines(parse_model(from_usual), ["U", "C1"]) == []
     assert heat_lines(load_model(EXAMPLES / "tank" / "model.yaml"), ["K3", "K1"]) == []

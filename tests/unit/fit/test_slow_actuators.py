@@ -1,0 +1,215 @@
+"""What comes behind otherwise than by one store: drives with a highest rate, and dead times."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from faultbond.app import quiet_fit
+from faultbond.cli import DONE, main
+from faultbond.fit import hidden
+from faultbond.fit.delays import late_ones
+from faultbond.fit.foothold import Added, Footing, with_orders
+from faultbond.fit.imperfections import Imperfection, Kind, found_in, lag_of, with_imperfections, without_lag
+from faultbond.fit.likelihood import layout_of, nominal_q
+from faultbond.fit.quiet_search import NO_LAG, WORTH, Search
+from faultbond.io.recording import write_recording
+from faultbond.model.graph import BondGraph
+from faultbond.model.text import load_model, parse_model
+from faultbond.report.quiet_result import amended_text
+from faultbond.simulate import Inputs, simulate
+from faultbond.synthesis.engine import build_model
+
+FIRST = """\
+name: winding
+sample_time: 0.02 s
+accuracy: 3 %
+time_between_false_alarms: 1 h
+inputs: {V: {unit: V}}
+components:
+  source: {type: Se, law: e = V}
+  R: {type: R, parameters: {R: 3 ohm}}
+  L: {type: I, parameters: {L: {nominal: 2.5 H, accuracy: 5 %}}, start: {p: 0 V*s, sd: 0.001 V*s}}
+junctions: {armature: 1}
+bonds: [source -> armature -> R, armature -> L]
+sensors: {i: {reads: armature.f, unit: A, noise: 50 mA}}
+"""
+TRUE = FIRST.replace("3 ohm", "3.05 ohm").replace("50 mA", "20 mA")
+LIMIT = Imperfection(kind=Kind.RATE_LIMIT, place="V", size=12.0, memory=0.06)
+
+
+def fitted(folder: Path, true: str, moves: Callable[[int], np.ndarray[Any, np.dtype[np.float64]]]) -> dict[str, Any]:
+    """Fit the first model until quiet to recordings of the true one; give the record of what was done."""
+    (folder / "first.yaml").write_text(FIRST, encoding="utf-8")
+    for seed in (1, 2):
+        inputs = Inputs(time=0.02 * np.arange(1200.0), values=moves(seed)[:, None])
+        made = simulate(parse_model(true), inputs, seed=seed)
+        rows = {"time": made.time, "V": made.inputs[:, 0], "i": made.outputs[:, 0]}
+        write_recording(folder / f"{seed}.csv", rows)
+    words = [folder / "first.yaml", folder / "1.csv", folder / "2.csv", "-o", folder / "new.yaml"]
+    target = folder / "records.jsonl"
+    assert main(["fit", *map(str, words), "--until-quiet", "--starts", "1", "--json", str(target)]) == DONE
+    lines = map(json.loads, target.read_text(encoding="utf-8").splitlines())
+    return next(item for item in lines if item["record"] == "quiet")
+
+
+def steps(seed: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Give a command that steps every 0.8 s."""
+    return np.repeat(np.random.default_rng(seed).choice([-4.0, -1.0, 2.0, 5.0], 30), 40)
+
+
+def test_a_highest_rate_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A source that moves by 12 V/s at most is told as that, and nothing else: no store and no error stand for it."""
+    monkeypatch.setattr(quiet_fit, "_smallest", lambda *_: [(), ()])
+    found = fitted(tmp_path, TRUE.replace("{unit: V}", "{unit: V, lag: 0.06 s, rate_limit: 12 V/s}"), steps)
+    (added,) = found["added"]
+    assert (added["kind"], added["of"]) == ("rate limit", "V")
+    assert added["size"] == pytest.approx(12.0, rel=0.02)
+    assert found["quiet"]
+    graph = load_model(tmp_path / "new.yaml")
+    assert graph.parameter("V_rate_limit").nominal == pytest.approx(12.0, rel=0.02)
+    assert graph.parameter("V_lag").nominal == pytest.approx(0.06, rel=0.2)
+    assert graph.parameter("R").nominal == pytest.approx(3.05, rel=0.01)
+    assert graph.parameter("L").nominal == pytest.approx(2.5, rel=0.02)
+
+
+def test_a_dead_time_is_found_as_a_lag_in_stages(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A sensor that comes 0.3 s behind in four stages is told so, its noise and the winding as they are."""
+    monkeypatch.setattr(quiet_fit, "_smallest", lambda *_: [(), ()])
+    found = fitted(tmp_path, TRUE.replace("20 mA", "20 mA, lag: {value: 0.3 s, order: 4}"), steps)
+    (added,) = found["added"]
+    assert (added["kind"], added["order"]) == ("lag", 4)
+    assert added["of"] in "Vi"  # in a linear circuit both are the same
+    graph = load_model(tmp_path / "new.yaml")
+    assert graph.parameter(f"{added['of']}_lag").nominal == pytest.approx(0.3, rel=0.02)
+    assert graph.parameter("L").nominal == pytest.approx(2.5, rel=0.02)
+    assert graph.sensors[0].noise == pytest.approx(0.02, rel=0.1)
+    assert "lag in 4 stages" in capsys.readouterr().out
+
+
+def test_a_rate_limit_brings_a_lag_of_its_own() -> None:
+    """Where the input lags already it keeps that; either reads back from the text with both numbers."""
+    graph = parse_model(FIRST)
+    limited = with_imperfections(graph, (LIMIT,))
+    assert (limited.inputs[0].lag, limited.inputs[0].rate_limit) == ("V_lag", "V_rate_limit")
+    assert [item.nominal for item in limited.parameters[-2:]] == [0.06, 12.0]
+    assert limited.parameter("V_rate_limit").unit.text == "V/s"
+    layout, q = layout_of(build_model(limited)), nominal_q(build_model(limited))
+    (found,) = found_in(limited, layout, q, (replace(LIMIT, size=1.0, memory=1.0),))
+    assert (found.size, found.memory) == pytest.approx((12.0, 0.06))
+    lagging = with_imperfections(graph, (Imperfection(kind=Kind.LAG, place="V", size=0.5, order=2),))
+    both = with_imperfections(lagging, (LIMIT,))
+    assert (both.parameter("V_lag").nominal, both.inputs[0].order) == (0.5, 2)
+    back = parse_model(amended_text(FIRST, graph, [Added(what=LIMIT, trained=1.0, held=1.0)]))
+    assert [back.parameter(name).nominal for name in ("V_lag", "V_rate_limit")] == [0.06, 12.0]
+    lag = replace(lag_of(LIMIT), size=0.4, order=3)
+    back = parse_model(amended_text(FIRST, graph, [Added(what=item, trained=1.0, held=1.0) for item in (LIMIT, lag)]))
+    assert (back.parameter("V_lag").nominal, back.inputs[0].order) == (0.4, 3)
+
+
+def test_an_order_changes_how_a_declared_lag_comes() -> None:
+    """Only that is written, beside the value that was declared."""
+    text = FIRST.replace("noise: 50 mA", "noise: 50 mA, lag: 0.3 s")
+    order = Imperfection(kind=Kind.ORDER, place="i", is_sensor=True, size=4.0)
+    graph = parse_model(text)
+    assert with_imperfections(graph, (order,)).sensors[0].order == 4
+    back = parse_model(amended_text(text, graph, [Added(what=order, trained=1.0, held=1.0)]))
+    assert (back.parameter("i_lag").nominal, back.sensors[0].order) == (0.3, 4)
+
+
+def test_what_is_added_says_the_order_of_its_lag() -> None:
+    """An order that is found after the lag is part of it, with what both gained; one of a declared lag stands alone."""
+    lag = Added(what=Imperfection(kind=Kind.LAG, place="i", size=0.3), trained=5.0, held=4.0)
+    order = Added(what=Imperfection(kind=Kind.ORDER, place="i", size=4.0), trained=2.0, held=1.0)
+    other = replace(order, what=replace(order.what, place="V"))
+    found = with_orders((lag, order, other))
+    assert [(item.what.kind, item.what.place, item.what.order) for item in found] == [
+        (Kind.LAG, "i", 4),
+        (Kind.ORDER, "V", 1),
+    ]
+    assert (found[0].trained, found[0].held) == (7.0, 5.0)
+    plain = without_lag(with_imperfections(parse_model(FIRST), (replace(lag.what, order=4),)), lag.what)
+    assert plain.sensors[0].lag == ""
+
+
+def proposed(text: str, values: Sequence[float]) -> set[tuple[Kind, str, float]]:
+    """Give what may come behind, of a model and a recording of its input."""
+    record = SimpleNamespace(u=np.asarray(values)[:, None], time=0.5 * np.arange(float(len(values))))
+    off = np.zeros((len(values), 1))
+    graph = parse_model(text)
+    stand = SimpleNamespace(graph=graph, innovations=(off,), expected=(off,))
+    return {(item.kind, item.place, item.size) for item, _ in late_ones(cast("Any", stand), cast("Any", (record,)))}
+
+
+def test_commands_may_have_a_highest_rate() -> None:
+    """As large as the largest move at first; what stands still has none, nor what is measured, nor one that has it."""
+    limit = (Kind.RATE_LIMIT, "V", 6.0)
+    assert limit in proposed(FIRST, [0.0] * 10 + [3.0] * 10)
+    assert limit[0] not in {kind for kind, *_ in proposed(FIRST, [3.0] * 20)}
+    stated = FIRST.replace("{unit: V}", "{unit: V, noise: 0.1 V, noise_of: record}")
+    assert limit not in proposed(stated, [0.0] * 10 + [3.0] * 10)
+    stated = FIRST.replace("{unit: V}", "{unit: V, lag: 1 s, rate_limit: 2 V/s}")
+    assert limit[0] not in {kind for kind, *_ in proposed(stated, [0.0] * 10 + [3.0] * 10)}
+
+
+def test_what_lags_may_do_so_in_other_stages() -> None:
+    """In those that it does not have; what does not lag may do so in one or in several."""
+    rows = [0.0] * 10 + [3.0] * 10
+    stated = proposed(FIRST.replace("50 mA", "50 mA, lag: {value: 1 s, order: 2}"), rows)
+    assert {size for kind, place, size in stated if (kind, place) == (Kind.ORDER, "i")} == {1.0, 4.0, 8.0}
+    assert (Kind.LAG, "i") not in {(kind, place) for kind, place, _ in stated}
+    assert not {place for kind, place, _ in proposed(FIRST, rows) if kind is Kind.ORDER}
+
+
+def test_a_lag_beside_a_highest_rate_is_not_left_out() -> None:
+    """However short it is: the rate is of what lags."""
+    search = Search.__new__(Search)
+    search.graph, search.step = parse_model(FIRST), 1.0
+    lag = Added(what=replace(lag_of(LIMIT), size=0.9 * NO_LAG), trained=9.0, held=9.0)
+    stand = Footing(graph=search.graph, values={}, starts={}, added=(lag,))
+    assert search._spent_lags(stand) == [lag]
+    assert not search._spent_lags(replace(stand, added=(lag, Added(what=LIMIT, trained=9.0, held=9.0))))
+
+
+@pytest.mark.parametrize(("again", "is_taken"), [(600.0 + WORTH, True), (600.0, False)])
+def test_what_a_slow_error_hides_is_asked_without_it(
+    again: float, monkeypatch: pytest.MonkeyPatch, *, is_taken: bool
+) -> None:
+    """Lags are sought where no slow error is that was found, and kept if with it more is foretold than before.
+
+    What is declared stays; slow errors are not asked for meanwhile, what was refused is; it is asked once.
+    """
+    graph = parse_model(FIRST.replace("sensors:", "slow_error: {source.e: 1 % over 2 s}\nsensors:"))
+    slow = Added(what=Imperfection(kind=Kind.ABSOLUTE, place="R.e", size=1.0, memory=1.0), trained=9.0, held=9.0)
+    lag = Added(what=Imperfection(kind=Kind.LAG, place="i", is_sensor=True, size=0.3), trained=9.0, held=9.0)
+    stand = Footing(graph=with_imperfections(graph, (slow.what,)), values={}, starts={}, held=600.0, added=(slow,))
+    search = Search.__new__(Search)
+    search.tell, search.refused, search.unhidden = lambda _: None, {("k", "p"): 5.0}, set()  # type: ignore[dict-item]
+    search.graph, search.possible = graph, (slow.what,)
+    asked: list[tuple[BondGraph, tuple[Imperfection, ...], int]] = []
+
+    def better(search: Search, stand: Footing) -> Footing | None:
+        asked.append((stand.graph, search.possible, len(search.refused)))
+        return replace(stand, added=(lag,)) if not stand.added else None
+
+    def together(_: Search, found: Footing, more: list[Added]) -> Footing:
+        assert [item.what.kind for item in (*found.added, *more)] == [Kind.LAG, Kind.ABSOLUTE]
+        return replace(found, held=again, added=(*found.added, *more))
+
+    monkeypatch.setattr(hidden, "better", better)
+    monkeypatch.setattr(hidden, "added_together", together)
+    monkeypatch.setattr(Search, "lasting", lambda _, stand: stand)
+    monkeypatch.setattr(Search, "ground", lambda *_: SimpleNamespace(climbed=lambda stand: stand))
+    found = hidden.unhidden(search, stand)
+    assert (found is not None) == is_taken
+    assert {item.target for item in asked[0][0].slow_errors} == {"source.e"}
+    assert [item[1:] for item in asked] == [((), 0), ((), 0)]
+    assert (len(search.refused), search.possible) == (1, (slow.what,))
+    assert hidden.unhidden(search, stand) is None
