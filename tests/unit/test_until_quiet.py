@@ -424,13 +424,16 @@ def test_a_lag_that_was_tried_in_vain_is_tried_once_more_where_it_promises_more(
     search, stand = bare_search(), Footing(graph=graph, values={}, starts={})
     search.trained, search.all = (), cast("Any", SimpleNamespace(model=SimpleNamespace(direct=())))
     search.refused = {} if refused is None else {lag.key: refused}
-    ground = SimpleNamespace(best_late=lambda *_: (lag, gain))
+    ground = SimpleNamespace(best_late=lambda _, item: (item, gain))
     monkeypatch.setattr(Search, "profile", lambda *_: [])
     monkeypatch.setattr(Search, "curves", lambda *_: [])
     monkeypatch.setattr(Search, "ground_with", lambda *_, **__: ground)
     monkeypatch.setattr(further, "late_ones", lambda *_: [(lag, 2.0 * HINT)])
     monkeypatch.setattr(further, "other_holds", lambda *_: [])
-    assert [item[1:] for item in further.worth_fitting(search, stand)] == ([(lag, gain)] if is_tried else [])
+    staged = replace(lag, order=further.STAGES)
+    assert [item[1:] for item in further.worth_fitting(search, stand)] == (
+        [(lag, gain), (staged, gain)] if is_tried else []
+    )
 
 
 @pytest.mark.parametrize(("both", "kept"), [(755.0, {Kind.LAG}), (900.0, {Kind.ABSOLUTE, Kind.LAG})])

@@ -7,7 +7,7 @@ from math import inf
 
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
 from faultbond.app.engine import build_watcher
-from faultbond.app.likelihood import likelihood_engine
+from faultbond.app.likelihood import begun_likelihood, likelihood_engine
 from faultbond.app.signals import stop_of
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
@@ -133,7 +133,7 @@ def _steps(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tel
     tell("putting the first model on trial")
     now = replace(now, before=on_trial(core, (*records, *records_held), promise, factors=()))
     search = Search(
-        graph, likelihood_engine, tell, parameters, wishes.own, (found.records, records_held), (begin, begin_held)
+        graph, begun_likelihood, tell, parameters, wishes.own, (found.records, records_held), (begin, begin_held)
     )
     attempt, now = yield from _searched(search, search.first(found), now, text, graph, read, wishes, tell)
     now = replace(now, left=tuple(item for item in search.asked if item[1] > 0.0))

@@ -89,7 +89,12 @@ def certainty_of(
 
 
 def inverse_of(matrix: FloatArray) -> FloatArray:
-    """Invert a positive matrix (n, n) whose entries differ by many orders of magnitude; gives (n, n)."""
+    """Invert a positive matrix (n, n) whose entries differ by many orders of magnitude; gives (n, n).
+
+    Of one that is not finite, as where a plant has no course, it is not either.
+    """
+    if not np.all(np.isfinite(matrix)):
+        return np.full_like(matrix, np.nan)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * np.outer(scale, scale)
     return np.asarray(np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) * np.outer(scale, scale))

@@ -6,14 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from faultbond.fit.foothold import Footing
-from faultbond.fit.hints import explained, last_changes, told_early
+from faultbond.fit.hints import answered, explained, last_changes, told_early
 from faultbond.fit.imperfections import KIND_HOLDS, Imperfection, Kind
 from faultbond.fit.samples import HealthyRecording
 from faultbond.model.graph import BondGraph, Input, Sensor
 
 HINT = 5.0  # nats that a lag or a hold must seem to explain to be tried
 ORDERS = (1, 2, 4, 8)  # of a lag
-STAGES = 4  # of a lag that is asked for beside one of a single one: a dead time is nearer to it
 RESTLESS = 0.5  # of the rows, in which an input moves that is no command in steps
 
 
@@ -36,12 +35,34 @@ def late_ones(stand: Footing, records: Sequence[HealthyRecording]) -> list[tuple
     return sorted(found, key=lambda item: item[1], reverse=True)
 
 
+def in_a_loop(
+    stand: Footing, records: Sequence[HealthyRecording], direct: Sequence[Sequence[int]]
+) -> frozenset[tuple[str, str]]:
+    """Give the sensors that an input answers in the very row, as a controller's command does, each with that input.
+
+    Such an input moves as far as the reading scatters, so it seems as if the sensor scattered after its moves. See
+    `other_holds` for what is asked.
+    """
+    return frozenset(
+        (sensor.name, item.name)
+        for j, sensor in enumerate(stand.graph.sensors)
+        for k, item in enumerate(stand.graph.inputs)
+        if k not in direct[j] and _answers(stand, records, j, k) > HINT
+    )
+
+
+def _answers(stand: Footing, records: Sequence[HealthyRecording], j: int, k: int) -> float:
+    parts = zip(stand.innovations, records, strict=True)
+    return sum(answered(off[:, j], record.u[:, k]) for off, record in parts)
+
+
 def _ways(item: Input | Sensor) -> list[Imperfection]:
     """Give the ways in which an input or a sensor may come behind, or come behind otherwise."""
     lag = Imperfection(kind=Kind.LAG, place=item.name, is_sensor=isinstance(item, Sensor))
     if not item.lag:
-        return [lag, replace(lag, order=STAGES)]
-    return [replace(lag, kind=Kind.ORDER, size=float(order)) for order in ORDERS if order != item.order]
+        return [lag]
+    fewer, more = [n for n in ORDERS if n < item.order][-1:], [n for n in ORDERS if n > item.order][:1]
+    return [replace(lag, kind=Kind.ORDER, size=float(order)) for order in (*fewer, *more)]
 
 
 def _limits(graph: BondGraph, records: Sequence[HealthyRecording]) -> Iterator[Imperfection]:

@@ -23,6 +23,7 @@ from faultbond.fit.imperfections import Imperfection, Kind, parameter_name
 from faultbond.fit.quiet_search import AGAIN, CLOSE, FEWEST, WORTH, Ground, Search
 
 TRIED = 3  # of the best of each kind, in each round
+STAGES = 4  # of a lag that is asked for where one of a single stage is likely: a dead time is nearer to it
 PROMISING = 0.15  # of what the best would gain with all else as it stands; what would gain less is not fitted
 WORTHY = 0.1  # of the best gain; what gains as much may be kept with the best
 BESIDE = 0.5  # of what others gain alone they gain beside the best where each has a cause of its own
@@ -40,10 +41,13 @@ def better(search: Search, stand: Footing) -> Footing | None:
     if not most >= WORTH:
         return None
     near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
-    best = _own_instead(stand, min(near, key=lambda item: item.unknown), found)
+    plain = [item for item in near if item.added[-1].what.kind is not Kind.RATE_LIMIT]  # which has a lag in it
+    best = _own_instead(stand, min(plain or near, key=lambda item: item.unknown), found)
     hidden = [item for item in found if best.added[-1].may_have(item.added[-1], WORTHY)]
-    for (_, what, promised), item, gain in zip(tried, found, gained, strict=True):
-        if gain < WORTH and item not in hidden:
+    worth = {item.added[-1].what.key for item, gain in zip(found, gained, strict=True) if gain >= WORTH}
+    worth |= {item.added[-1].what.key for item in hidden}
+    for _, what, promised in tried:
+        if what.key not in worth:  # in no way in which it was tried
             search.refused[what.key] = max(promised, HINT)
     # What gains as much as the best is likely to explain the same, so it is the last to be tried beside it. Lags, holds
     # and curves are first beside a slow error, which may stand for them.
@@ -55,7 +59,8 @@ def better(search: Search, stand: Footing) -> Footing | None:
         worthy = [item for item in worthy if not item.added[-1].what.is_slow]
     if (joint := _joint(search, stand, best, worthy)) is not None:
         return joint
-    alike = tuple(item.added[-1].what for item in near if item is not best)
+    good = {item.added[-1].what.key: item.added[-1].what for item in plain or near}
+    alike = tuple(what for key, what in good.items() if key != best.added[-1].what.key)
     alone = added_together(search, stand, [replace(best.added[-1], alike=alike)])
     return alone if alone.held - stand.held >= WORTH else None  # it may have gained by other values of parameters
 
@@ -96,17 +101,27 @@ def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfec
     between = [
         item for item in other_holds(stand, search.trained, search.all.model.direct) if item.key not in search.refused
     ]
-    late: list[tuple[Imperfection, float]] = []
-    for item in (*lags, *between[:1]):
-        with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
-            late.append(search.ground_with(stand, (item,), slopes=False).best_late(stand, item))
-    late = [item for item in late if item[1] >= max(gain for other, gain in late if other.key == item[0].key)]
-    tried = [(search.ground_with(stand, (item,)), item, gain) for item, gain in _likeliest(search, late)]
+    orders = [item for item in lags if item.kind is Kind.ORDER]
+    late = _weighed(search, stand, [item for item in (*lags, *between[:1]) if item not in orders[TRIED:]])
+    late = list({item.key: (item, gain) for item, gain in sorted(late, key=lambda one: one[1])}.values())
+    likely = _likeliest(search, late)
+    staged = [replace(item, order=STAGES) for item, _ in likely if item.kind is Kind.LAG][:1]
+    likely += _likeliest(search, _weighed(search, stand, staged))
+    tried = [(search.ground_with(stand, (item,)), item, gain) for item, gain in likely]
     for like in (_likeliest(search, search.curves(stand)), slow):
         if like:
             shared = search.ground_with(stand, [item for item, _ in like if item.key not in keys_of(stand.graph)])
             tried = [*((shared, *item) for item in like), *tried]
     return tried
+
+
+def _weighed(search: Search, stand: Footing, asked: Sequence[Imperfection]) -> list[tuple[Imperfection, float]]:
+    """Give lags and their like as they explain most with all else as it stands, and what that gains, nats."""
+    grounds = []
+    for item in asked:
+        with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
+            grounds.append((search.ground_with(stand, (item,), slopes=False), item))
+    return [ground.best_late(stand, item) for ground, item in grounds]
 
 
 def _likeliest(search: Search, asked: Sequence[tuple[Imperfection, float]]) -> list[tuple[Imperfection, float]]:
@@ -118,8 +133,10 @@ def _likeliest(search: Search, asked: Sequence[tuple[Imperfection, float]]) -> l
 
 
 def _is_new(search: Search, stand: Footing, lag: Imperfection) -> bool:
+    """Tell whether a lag or its like is to be asked for; a highest rate, of any command, is so until it is in vain."""
     is_new = lag.kind is Kind.ORDER or parameter_name(lag) not in stand.values
-    return is_new and search.refused.get(lag.key, 0.0) < np.inf
+    most = 0.0 if lag.kind is Kind.RATE_LIMIT else np.inf
+    return is_new and not search.refused.get(lag.key, -np.inf) >= most
 
 
 def _joint(search: Search, stand: Footing, best: Footing, others: Sequence[Footing]) -> Footing | None:

@@ -134,11 +134,25 @@ def told_early(off: FloatArray, way: float, u: FloatArray) -> tuple[float, int]:
     way : how far the sensor moves on the whole where the input is larger
     u : the input (N,)
     """
+    slope, nats, count = _in_the_row(off, u)
+    return (nats if slope * way > 0.0 else 0.0), count
+
+
+def answered(off: FloatArray, u: FloatArray) -> float:
+    """Give how many nats it is worth that an input goes with errors (N,) of the very row, as told by `told_early`.
+
+    Of a sensor that does not feel it at once: it answers what that reads, noise and all, or comes a row late.
+    """
+    return _in_the_row(off, u)[1]
+
+
+def _in_the_row(off: FloatArray, u: FloatArray) -> tuple[float, float, int]:
+    """Give the slope of errors over what an input did in the very row, the nats that is worth, and how many tell."""
     changes = _changes_ago(u)
     both, before = _regressed(off, changes), _regressed(off, changes[:, 1:])
-    if both is None or before is None or not both[0][0] * way > 0.0:
-        return 0.0, int(np.isfinite(off).sum())
-    return max(both[1] - before[1], 0.0), both[2]
+    if both is None or before is None:
+        return 0.0, 0.0, int(np.isfinite(off).sum())
+    return float(both[0][0]), max(both[1] - before[1], 0.0), both[2]
 
 
 def _seconds_later(records: Sequence[HealthyRecording], watches: Sequence[Watch], j: int, k: int) -> float | None:

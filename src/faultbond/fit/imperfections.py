@@ -119,7 +119,8 @@ class Imperfection:
     def words(self) -> str:
         """What it is, without its size."""
         kind, what = self.key
-        return f"{kind.value} of {what}"
+        stages = f" in {self.order} stages" if self.order > 1 else ""
+        return f"{kind.value} of {what}{stages}"
 
 
 def law_signals(model: StepModel) -> tuple[str, ...]:

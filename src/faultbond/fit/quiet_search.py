@@ -21,6 +21,7 @@ from faultbond.errors import StructureError
 from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.certainty import inverse_of
 from faultbond.fit.curves import likeliest_curves, movers_of, possible_curves, powers_of
+from faultbond.fit.delays import in_a_loop
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
 from faultbond.fit.foothold import Added, Footing, in_time, keys_of, values_at, with_noise, with_orders
 from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit, Prior, fit_at
@@ -81,10 +82,10 @@ Tell = Callable[[str], None]
 
 
 class Build(Protocol):
-    """Gives what runs the likelihood of a plant, perhaps without its slopes."""
+    """Begins to build what runs the likelihood of a plant, perhaps without its slopes."""
 
-    def __call__(self, model: StepModel, /, *, slopes: bool = True) -> Likelihood:
-        """Give it; without its slopes a lane has no direction."""
+    def __call__(self, model: StepModel, /, *, slopes: bool = True) -> Callable[[], Likelihood]:
+        """Give what waits for it; without its slopes a lane has no direction."""
 
 
 class Search:
@@ -176,7 +177,8 @@ class Search:
         What was added with them or later explains what they did. Data say nothing of a lag so short, so errors of any
         kind would move it.
         """
-        stand = replace(stand, added=with_orders(stand.added))
+        if any(item.what.kind is Kind.ORDER for item in stand.added):
+            stand = replace(stand, added=with_orders(stand.added))
         gone = [*self._spent_lags(stand), *self._spent(stand)]
         if not gone:
             return stand
@@ -227,7 +229,14 @@ class Search:
         usual, gains_of = self.asking(stand)
         known = {item.what.key for item in stand.added}
         added = {item.what.place for item in stand.added if item.what.kind not in (Kind.CURVE, Kind.TRANSIENT)}
-        free = (x for x in self.possible if x.key not in known and (x.kind is Kind.TRANSIENT or x.place not in added))
+        loops = in_a_loop(stand, self.trained, self.all.model.direct)
+        free = (
+            x
+            for x in self.possible
+            if x.key not in known
+            and (x.kind is Kind.TRANSIENT or x.place not in added)
+            and (x.place, x.after) not in loops
+        )
         asked = [(item, self._sizes(stand, item, usual)) for item in free]
         best: dict[tuple[Kind, str], tuple[Imperfection, float]] = {}
         while asked:
@@ -314,13 +323,24 @@ class Search:
 class Ground:
     """A plant in which some imperfections are open, as the likelihood takes it."""
 
-    def __init__(self, search: Search, graph: BondGraph, model: StepModel, engine: Likelihood, *, slopes: bool) -> None:
-        self.search, self.graph, self.model, self.engine, self.slopes = search, graph, model, engine, slopes
+    def __init__(
+        self, search: Search, graph: BondGraph, model: StepModel, built: Callable[[], Likelihood], *, slopes: bool
+    ) -> None:
+        self.search, self.graph, self.model, self.slopes = search, graph, model, slopes
+        self._built = built
+        self._engine: Likelihood | None = None
         self.layout = layout_of(model)
         self.begin, known = build_begin(model), known_starts(model)
         self.free = tuple(k for k in range(self.layout.n_x) if k not in known)
         self.own = tuple((k, item) for k, item in enumerate(graph.parameters) if item.name in search.own)
         self.columns = (*(model.states[k] for k in self.free), *(item.name for _, item in self.own))
+
+    @property
+    def engine(self) -> Likelihood:
+        """What runs its likelihood, as soon as that is built."""
+        if self._engine is None:
+            self._engine = self._built()
+        return self._engine
 
     def begin_of(self, records: Sequence[HealthyRecording], begin: FitPoint) -> FitPoint:
         """Give where recordings begin; what lags begins about where that is which it follows."""

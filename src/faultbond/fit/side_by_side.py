@@ -19,6 +19,11 @@ def side_by_side(call: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
     return _pool().map(call, items) if len(items) > 1 and _processors() > 1 else map(call, items)
 
 
+def begun(call: Callable[[], R]) -> Callable[[], R]:
+    """Begin a call beside what goes on, and give what waits for it; where there is one processor it begins then."""
+    return _others().submit(call).result if _processors() > 1 else call
+
+
 def _processors() -> int:
     """Give how many processors this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -27,3 +32,9 @@ def _processors() -> int:
 @cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(_processors(), thread_name_prefix="fit")
+
+
+@cache
+def _others() -> ThreadPoolExecutor:
+    """Give threads for what was begun before it is needed, so that it is in the way of nothing else."""
+    return ThreadPoolExecutor(_processors(), thread_name_prefix="begun")

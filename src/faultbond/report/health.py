@@ -12,7 +12,7 @@ from faultbond.contract.spec import EngineSpec
 from faultbond.fit.false_alarms import FARTHEST
 from faultbond.fit.lack_of_fit import Region
 from faultbond.fit.trial import FACTORS, Health
-from faultbond.model.graph import BondGraph, Unit
+from faultbond.model.graph import BondGraph, Input, Sensor, Unit
 from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, recording_text, unit_text
 from faultbond.report.suspects import cure_of_walk
@@ -151,10 +151,13 @@ def _hints(graph: BondGraph, found: Health) -> Iterator[str]:
 
 def _longer(graph: BondGraph, name: str) -> str:
     """Name the lag of an input or a sensor that may be what is missing."""
-    lags = {item.name: item.lag for item in graph.inputs} | {item.name: item.lag for item in graph.sensors}
-    if not lags[name]:
+    instruments: list[Input | Sensor] = [*graph.inputs, *graph.sensors]
+    known = next(item for item in instruments if item.name == name)
+    if not known.lag:
         return f"a `lag:` of {name}"
-    return f"a longer `lag:` of {name} than {duration_text(graph.parameter(lags[name]).nominal)}"
+    longer = f"a longer `lag:` of {name} than {duration_text(graph.parameter(known.lag).nominal)}"
+    is_free = isinstance(known, Input) and not known.rate_limit
+    return f"{longer}, a `rate_limit:` of it" if is_free else longer
 
 
 def _region_text(item: Region, units: dict[str, Unit]) -> str:

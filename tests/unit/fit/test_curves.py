@@ -214,7 +214,7 @@ def test_no_law_has_an_absurd_power() -> None:
     bent = with_imperfections(graph, (curve,))
     model = build_step_model(build_plant(bent))
     fake = SimpleNamespace(own=(), graph=graph, parameters=(), inside=frozenset(), step=1.0, longest=100.0)
-    ground = Ground(cast(Search, fake), bent, model, cast(Likelihood, None), slopes=False)
+    ground = Ground(cast(Search, fake), bent, model, lambda: cast(Likelihood, None), slopes=False)
     unknowns = ground.plant(nominal_q(model), (curve,)).unknowns
     (k,) = (k for k, item in enumerate(unknowns.parameters) if item.name == parameter_name(curve))
     ends = np.array([unknowns.lower[k], unknowns.upper[k]]) * unknowns.parameters[k].scale

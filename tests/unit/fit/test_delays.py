@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from faultbond.arrays import FloatArray
-from faultbond.fit.delays import other_holds
+from faultbond.fit.delays import in_a_loop, other_holds
 from faultbond.fit.hints import early_sensors
 from faultbond.fit.imperfections import Kind
 from faultbond.model.text import parse_model
@@ -55,6 +55,18 @@ def test_an_error_in_the_row_of_a_change_asks_for_the_next_row() -> None:
     assert proposed(2.0, ago=1) == []
     assert proposed(-2.0) == []
     assert proposed(2.0, way=0.0) == []
+
+
+@pytest.mark.parametrize(
+    ("sign", "ago", "in_loop"), [(2.0, 0, True), (-2.0, 0, True), (2.0, 1, False), (0.0, 0, False)]
+)
+def test_an_input_that_answers_a_reading_in_its_row_is_in_a_loop(sign: float, ago: int, *, in_loop: bool) -> None:
+    """Whichever way the plant goes; one whose moves come before the errors is not, nor one that is felt at once."""
+    u, off = made(sign, ago)
+    stand = cast("Any", SimpleNamespace(graph=GRAPH, innovations=(off[:, None],)))
+    records = cast("Any", (SimpleNamespace(u=u[:, None]),))
+    assert in_a_loop(stand, records, ((),)) == (frozenset({("v", "V")}) if in_loop else frozenset())
+    assert in_a_loop(stand, records, ((0,),)) == frozenset()
 
 
 def test_what_is_there_already_is_not_asked_for() -> None:
