@@ -1,13 +1,13 @@
 """Calls that do not need each other run at once, and are told in order."""
 
 from collections.abc import Iterator
-from threading import Barrier, get_ident
+from threading import Barrier, Event, get_ident
 from time import sleep
 
 import pytest
 
 from faultbond.fit import side_by_side as module
-from faultbond.fit.side_by_side import side_by_side
+from faultbond.fit.side_by_side import begun, side_by_side
 
 
 @pytest.fixture(params=[1, 2])
@@ -37,13 +37,27 @@ def test_on_several_processors_calls_run_at_once(processors: int) -> None:
 
 def test_an_error_is_told_and_the_rest_is_left(processors: int) -> None:
     """Of what stands in line behind a call that fails next to nothing is begun."""
-    begun = []
+    started = []
 
     def call(number: int) -> int:
-        begun.append(number)
+        started.append(number)
         sleep(0.002)
         return 1 // (number - 1)
 
     with pytest.raises(ZeroDivisionError):
         list(side_by_side(call, range(1000)))
-    assert len(begun) < 1000
+    assert len(started) < 1000
+
+
+def test_what_was_begun_runs_beside_what_goes_on(processors: int) -> None:
+    """It has ended before it is asked for; on one processor it begins then. What fails does so when it is asked for."""
+    done = Event()
+    module._others.cache_clear()
+    waiting = begun(done.set)
+    assert done.wait(timeout=30.0 if processors > 1 else 0.05) == (processors > 1)
+    waiting()
+    assert done.is_set()
+    failing = begun(lambda: 1 // 0)
+    with pytest.raises(ZeroDivisionError):
+        failing()
+    module._others.cache_clear()

@@ -12,7 +12,7 @@ import pytest
 
 from faultbond.app import quiet_fit
 from faultbond.cli import DONE, main
-from faultbond.fit import hidden
+from faultbond.fit import further, hidden
 from faultbond.fit.delays import late_ones
 from faultbond.fit.foothold import Added, Footing, with_orders
 from faultbond.fit.imperfections import Imperfection, Kind, found_in, lag_of, with_imperfections, without_lag
@@ -122,6 +122,54 @@ def test_an_order_changes_how_a_declared_lag_comes() -> None:
     assert with_imperfections(graph, (order,)).sensors[0].order == 4
     back = parse_model(amended_text(text, graph, [Added(what=order, trained=1.0, held=1.0)]))
     assert (back.parameter("i_lag").nominal, back.sensors[0].order) == (0.3, 4)
+
+
+def chosen(gains: Sequence[tuple[Imperfection, float]], monkeypatch: pytest.MonkeyPatch) -> tuple[Search, Footing]:
+    """Give what a round keeps of what was tried, each with what it foretells, and the search."""
+    stand = Footing(graph=parse_model(FIRST), values={}, starts={})
+    search = Search.__new__(Search)
+    search.tell, search.refused = lambda _: None, {}
+    found = [
+        replace(stand, held=x, unknown=float(-k), added=(Added(what=item, trained=x, held=x),))
+        for k, (item, x) in enumerate(gains)
+    ]
+
+    def ground(footing: Footing) -> Any:
+        return SimpleNamespace(climbed=lambda *_, few: footing)
+
+    tried = [(ground(footing), item, 9.0) for footing, (item, _) in zip(found, gains, strict=True)]
+    monkeypatch.setattr(further, "worth_fitting", lambda *_: tried)
+    monkeypatch.setattr(further, "_joint", lambda *_: None)
+    monkeypatch.setattr(
+        further, "added_together", lambda _, stand, more: replace(stand, held=more[0].held, added=tuple(more))
+    )
+    better = further.better(search, stand)
+    assert better is not None
+    return search, better
+
+
+LAG = Imperfection(kind=Kind.LAG, place="V", size=0.1)
+
+
+def test_a_lag_that_does_as_well_is_kept_before_a_highest_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A rate limit has a lag in it, so it is never worse: it is kept where it is better, and never named as good."""
+    other = replace(LAG, place="i", is_sensor=True)
+    _, found = chosen([(LAG, 990.0), (other, 985.0), (LIMIT, 1000.0)], monkeypatch)
+    assert found.added[0].what == other  # the parameters are best known with that
+    assert found.added[0].alike == (LAG,)
+    _, found = chosen([(LAG, 700.0), (LIMIT, 1000.0)], monkeypatch)
+    assert (found.added[0].what, found.added[0].alike) == (LIMIT, ())
+
+
+def test_a_lag_is_refused_where_it_is_in_vain_in_one_stage_and_in_several(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One way that foretells more is enough; the other way is not named as being as good."""
+    staged = replace(LAG, order=4)
+    search, found = chosen([(LAG, 2.0), (staged, 100.0), (LIMIT, 1.0)], monkeypatch)
+    assert set(search.refused) == {LIMIT.key}
+    assert found.added[0].what == staged
+    search, found = chosen([(LAG, 100.0), (staged, 101.0), (LIMIT, 1.0)], monkeypatch)
+    assert found.added[0].alike == ()
+    assert "in 4 stages" in staged.words
 
 
 def test_what_is_added_says_the_order_of_its_lag() -> None:
