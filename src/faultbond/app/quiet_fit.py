@@ -17,7 +17,6 @@ from faultbond.fit.foothold import Footing, as_found, values_of
 from faultbond.fit.further import better
 from faultbond.fit.healthy_changes import healthy_changes
 from faultbond.fit.held_back import Recordings, parted
-from faultbond.fit.hidden import unhidden
 from faultbond.fit.identification import Fit, Halted, Prior, fit_plant
 from faultbond.fit.offset import centred
 from faultbond.fit.quiet_search import ROUNDS, Search, Tell
@@ -198,7 +197,7 @@ def _searched(
     for rounds in range(ROUNDS + 1):
         better = None
         if _seems_quiet(stand, read, tell):
-            better = (_cured(search, stand, asked, again=True) or unhidden(search, stand)) if rounds < ROUNDS else None
+            better = _cured(search, stand, asked, again=True) if rounds < ROUNDS else None
             if better is None:
                 tried, now = yield from _attempt(stand, now, text, graph, read, wishes, search.believed, tell)
                 if tried.quiet:
@@ -242,15 +241,11 @@ def _further(graph: BondGraph, stated: BondGraph) -> frozenset[str]:
 
 
 def _next(search: Search, stand: Footing, asked: dict[str, float]) -> Footing | None:
-    """Give where the next thing leads: what explains why parameters stray, a law's offset, else what foretells best.
-
-    At the end what slow errors may hide.
-    """
+    """Give where the next thing leads: what explains why parameters stray, a law's offset, else what foretells best."""
     return (
         _cured(search, stand, asked)
         or centred(search, stand)
         or better(search, stand)
-        or unhidden(search, stand)
         or _cured(search, stand, asked, again=True)
     )
 

@@ -120,7 +120,6 @@ class Search:
         self.laws = {name: law for name, law in laws_of_signals(model).items() if name in asked}
         self.possible = possible(graph, signals, len(model.states))
         self.refused: dict[tuple[Kind, str], float] = {}  # what was tried in vain, and the nats it seemed to gain then
-        self.unhidden: set[frozenset[tuple[Kind, str]]] = set()  # what was asked for once more without its slow errors
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
         self.inside: frozenset[str] = frozenset()  # parameters that are kept from straying
         self.believed: frozenset[str] = frozenset()  # those of which it is known what made them stray
@@ -223,8 +222,6 @@ class Search:
 
     def profile(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""
-        if not self.possible:
-            return []
         self.tell("asking what each imperfection would gain")
         usual, gains_of = self.asking(stand)
         known = {item.what.key for item in stand.added}

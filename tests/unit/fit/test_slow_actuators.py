@@ -12,14 +12,13 @@ import pytest
 
 from faultbond.app import quiet_fit
 from faultbond.cli import DONE, main
-from faultbond.fit import further, hidden
+from faultbond.fit import further
 from faultbond.fit.delays import late_ones
 from faultbond.fit.foothold import Added, Footing, with_orders
 from faultbond.fit.imperfections import Imperfection, Kind, found_in, lag_of, with_imperfections, without_lag
 from faultbond.fit.likelihood import layout_of, nominal_q
-from faultbond.fit.quiet_search import NO_LAG, WORTH, Search
+from faultbond.fit.quiet_search import NO_LAG, Search
 from faultbond.io.recording import write_recording
-from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model, parse_model
 from faultbond.report.quiet_result import amended_text
 from faultbond.simulate import Inputs, simulate
@@ -224,40 +223,3 @@ def test_a_lag_beside_a_highest_rate_is_not_left_out() -> None:
     stand = Footing(graph=search.graph, values={}, starts={}, added=(lag,))
     assert search._spent_lags(stand) == [lag]
     assert not search._spent_lags(replace(stand, added=(lag, Added(what=LIMIT, trained=9.0, held=9.0))))
-
-
-@pytest.mark.parametrize(("again", "is_taken"), [(600.0 + WORTH, True), (600.0, False)])
-def test_what_a_slow_error_hides_is_asked_without_it(
-    again: float, monkeypatch: pytest.MonkeyPatch, *, is_taken: bool
-) -> None:
-    """Lags are sought where no slow error is that was found, and kept if with it more is foretold than before.
-
-    What is declared stays; slow errors are not asked for meanwhile, what was refused is; it is asked once.
-    """
-    graph = parse_model(FIRST.replace("sensors:", "slow_error: {source.e: 1 % over 2 s}\nsensors:"))
-    slow = Added(what=Imperfection(kind=Kind.ABSOLUTE, place="R.e", size=1.0, memory=1.0), trained=9.0, held=9.0)
-    lag = Added(what=Imperfection(kind=Kind.LAG, place="i", is_sensor=True, size=0.3), trained=9.0, held=9.0)
-    stand = Footing(graph=with_imperfections(graph, (slow.what,)), values={}, starts={}, held=600.0, added=(slow,))
-    search = Search.__new__(Search)
-    search.tell, search.refused, search.unhidden = lambda _: None, {("k", "p"): 5.0}, set()  # type: ignore[dict-item]
-    search.graph, search.possible = graph, (slow.what,)
-    asked: list[tuple[BondGraph, tuple[Imperfection, ...], int]] = []
-
-    def better(search: Search, stand: Footing) -> Footing | None:
-        asked.append((stand.graph, search.possible, len(search.refused)))
-        return replace(stand, added=(lag,)) if not stand.added else None
-
-    def together(_: Search, found: Footing, more: list[Added]) -> Footing:
-        assert [item.what.kind for item in (*found.added, *more)] == [Kind.LAG, Kind.ABSOLUTE]
-        return replace(found, held=again, added=(*found.added, *more))
-
-    monkeypatch.setattr(hidden, "better", better)
-    monkeypatch.setattr(hidden, "added_together", together)
-    monkeypatch.setattr(Search, "lasting", lambda _, stand: stand)
-    monkeypatch.setattr(Search, "ground", lambda *_: SimpleNamespace(climbed=lambda stand: stand))
-    found = hidden.unhidden(search, stand)
-    assert (found is not None) == is_taken
-    assert {item.target for item in asked[0][0].slow_errors} == {"source.e"}
-    assert [item[1:] for item in asked] == [((), 0), ((), 0)]
-    assert (len(search.refused), search.possible) == (1, (slow.what,))
-    assert hidden.unhidden(search, stand) is None
