@@ -6,7 +6,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from faultbond.fit.library import load_likelihood
-from faultbond.fit.side_by_side import begun
+from faultbond.fit.side_by_side import in_background
 from faultbond.io.cache import loadable
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def begun_likelihood(step_model: Any, *, slopes: bool = True) -> "Callable[[], L
 
     compiler, function = required_compiler(), build_likelihood(step_model, slopes=slopes)
     template = resources.files("faultbond.synthesis").joinpath("engine.c.in").read_text()
-    compiled = begun(partial(compile_library, emit_filter(function, template), compiler))
+    compiled = in_background(partial(compile_library, emit_filter(function, template), compiler))
 
     def loaded() -> "Likelihood":
         with loadable([compiled()]) as (path,):

@@ -19,7 +19,7 @@ def side_by_side(call: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
     return _pool().map(call, items) if len(items) > 1 and _processors() > 1 else map(call, items)
 
 
-def begun(call: Callable[[], R]) -> Callable[[], R]:
+def in_background(call: Callable[[], R]) -> Callable[[], R]:
     """Begin a call beside what goes on, and give what waits for it; where there is one processor it begins then."""
     return _others().submit(call).result if _processors() > 1 else call
 

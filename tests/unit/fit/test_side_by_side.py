@@ -7,7 +7,7 @@ from time import sleep
 import pytest
 
 from faultbond.fit import side_by_side as module
-from faultbond.fit.side_by_side import begun, side_by_side
+from faultbond.fit.side_by_side import in_background, side_by_side
 
 
 @pytest.fixture(params=[1, 2])
@@ -53,11 +53,11 @@ def test_what_was_begun_runs_beside_what_goes_on(processors: int) -> None:
     """It has ended before it is asked for; on one processor it begins then. What fails does so when it is asked for."""
     done = Event()
     module._others.cache_clear()
-    waiting = begun(done.set)
+    waiting = in_background(done.set)
     assert done.wait(timeout=30.0 if processors > 1 else 0.05) == (processors > 1)
     waiting()
     assert done.is_set()
-    failing = begun(lambda: 1 // 0)
+    failing = in_background(lambda: 1 // 0)
     with pytest.raises(ZeroDivisionError):
         failing()
     module._others.cache_clear()
