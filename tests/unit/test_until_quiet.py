@@ -1068,11 +1068,16 @@ def test_one_recording_is_parted(model: Path, tmp_path: Path, capsys: pytest.Cap
 def test_a_parameter_that_is_another_each_day_is_known_less_well(tmp_path: Path) -> None:
     """A winding is warm or cold: the accuracy of its resistance is declared as large as that takes, and nothing else.
 
-    What strays farther than three times its accuracy is no constant, and stays as it was.
+    What strays farther than three times its accuracy is no constant, and stays as it was; ten times, if no fault is
+    sought in it.
     """
-    text = MODEL.replace("R: 3 ohm", "R: {nominal: 3.3 ohm, accuracy: 1 %}").replace("nominal: 2.5 H", "nominal: 2.2 H")
-    graph = parse_model(text.replace("50 mA", "20 mA"), file="m.yaml")
-    for far, times in ((0.034, pytest.approx(1.27, abs=0.15)), (0.12, None)):
+    stated = MODEL.replace("R: 3 ohm", "R: {nominal: 3.3 ohm, accuracy: 1 %}").replace(
+        "nominal: 2.5 H", "nominal: 2.2 H"
+    )
+    trusted = stated.replace("accuracy: 1 %", "accuracy: 1 %, suspect: no")
+    slight, large = pytest.approx(1.27, abs=0.15), pytest.approx(3.4, abs=0.3)
+    for text, far, times in ((stated, 0.034, slight), (stated, 0.12, None), (trusted, 0.09, large)):
+        graph = parse_model(text.replace("50 mA", "20 mA"), file="m.yaml")
         days = [write(tmp_path / f"{k}.csv", seed=k, warm=1.0 + side * far) for k, side in enumerate((1, -1))]
         read = [(day.name, read_points(graph, str(day))) for day in days]
         fitted = cast("Fitted", SimpleNamespace(graph=graph))  # of which the file is asked alone
@@ -1080,7 +1085,7 @@ def test_a_parameter_that_is_another_each_day_is_known_less_well(tmp_path: Path)
         assert attempt.health.walk > ROOM
         assert list(attempt.health.strayed) == ["R"]
         # The search need not go on for what a wider accuracy mends.
-        assert stays_below(attempt.core, attempt.records, 0.9) == (times is not None)
+        assert stays_below(attempt.core, attempt.records, 0.9) == (times is slight)
         wider = widened(attempt, lambda _: None)
         if times is None:
             assert wider is attempt

@@ -22,7 +22,7 @@ from faultbond.fit.offset import centred
 from faultbond.fit.quiet_search import ROUNDS, Search, Tell
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.session import build_fit, free_parameters
-from faultbond.fit.trial import MONTH, ROOM, WIDEST, Health, alarms_of, enough, on_trial, stays_below, strayed_on
+from faultbond.fit.trial import MONTH, ROOM, Health, alarms_of, enough, on_trial, stays_below, strayed_on, widest_of
 from faultbond.model.amend import amended
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
@@ -384,9 +384,10 @@ def widened(attempt: Attempt, tell: Tell) -> Attempt:
     """Declare the accuracy of parameters larger that stray from where they start, as little as it takes.
 
     What a fit says of a parameter is how well all recordings together tell one value of it; how far it is from that in
-    each of them, or under other inputs, is what `run` has to be told. As it was where that is more than WIDEST times.
+    each of them, or under other inputs, is what `run` has to be told. As it was where that is more than `widest_of`.
     """
     before, times = attempt.widened, dict[str, float]()
+    most = {item.name: widest_of(item.suspect) for item in attempt.graph.parameters}
 
     def strayed_with(times: dict[str, float]) -> dict[str, float]:
         graph = parse_model(widened_text(attempt.text, attempt.graph, times), file=attempt.graph.file)
@@ -397,10 +398,10 @@ def widened(attempt: Attempt, tell: Tell) -> Attempt:
         hopes = not times
         times = {name: times.get(name, 1.0) * far.get(name, 1.0) for name in (*times, *far)}
         times = {name: x * SPARE if name in far else x for name, x in times.items()}
-        if any(x * before.get(name, 1.0) > WIDEST for name, x in times.items()):
+        if any(x * before.get(name, 1.0) > most[name] for name, x in times.items()):
             return attempt
         if hopes:  # a wider accuracy also lets it move farther: some stray however wide it is
-            widest = strayed_with({name: WIDEST / before.get(name, 1.0) for name in far})
+            widest = strayed_with({name: most[name] / before.get(name, 1.0) for name in far})
             if any(widest.get(name, 0.0) > ROOM for name in far):
                 return attempt
         strayed = strayed_with(times)

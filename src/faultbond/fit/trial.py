@@ -17,7 +17,8 @@ from faultbond.runtime.monitor import Monitor
 FACTORS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 MONTH = 30.0 * 86400.0  # s
 WIDER = (1.5, 2.0, 3.0)  # times the accuracies that are tried alone
-WIDEST = WIDER[-1]  # a parameter that needs more is no constant
+WIDEST = WIDER[-1]  # times as large; a parameter that needs more is no constant
+LOOSEST = 10.0  # and of one that is no suspect
 RISE, MOST_RISES = 1.25, 24  # by which noise or slow errors rise, and how often
 LARGEST = 5.0  # times a slow error; one that must be larger is none
 KINDS = ("accuracy", "noise", "slow")
@@ -148,6 +149,14 @@ def strayed_on(core: Core, records: Sequence[HealthyRecording]) -> dict[str, flo
 def _strayed(core: Core, seen: Sequence[FloatArray]) -> dict[str, float]:
     most = np.max(seen, axis=0).tolist()
     return {item.name: x for item, x in zip(core.spec.parameters, most, strict=True) if x > 0.0}
+
+
+def widest_of(suspect: bool) -> float:
+    """Give how many times as large the accuracy of a parameter may be declared as a fit says.
+
+    More of one that is no suspect, as the lag of a sensor: no fault is sought in it.
+    """
+    return WIDEST if suspect else LOOSEST
 
 
 def stays_below(core: Core, records: Sequence[HealthyRecording], most: float) -> bool:
