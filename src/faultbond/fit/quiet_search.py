@@ -215,9 +215,7 @@ class Search:
 
     def ground_with(self, stand: Footing, more: Sequence[Imperfection], *, slopes: bool = True) -> "Ground":
         """Give a plant that may have further imperfections; without slopes for likelihoods alone."""
-        sizes = {Kind.LAG: LAG_GRID * self.step, Kind.CURVE: 0.0}
-        own = (Kind.OFFSET, Kind.RATE_LIMIT, Kind.ORDER)
-        opened = tuple(item if item.kind in own else replace(item, size=sizes.get(item.kind, UNTRIED)) for item in more)
+        opened = tuple(_opened(item, LAG_GRID * self.step) for item in more)
         return self.ground(with_imperfections(stand.graph, opened), slopes=slopes)
 
     def profile(self, stand: Footing) -> list[tuple[Imperfection, float]]:
@@ -564,6 +562,15 @@ class Ground:
 def _without(graph: BondGraph, item: Imperfection) -> BondGraph:
     take = without_slow_error if item.is_slow else without_curve if item.kind is Kind.CURVE else without_lag
     return take(graph, item)
+
+
+def _opened(item: Imperfection, lag: float) -> Imperfection:
+    """Give an imperfection as a possibility, next to nothing; a lag with a time for which steps are easy."""
+    if item.kind is Kind.RATE_LIMIT:
+        return replace(item, memory=lag)
+    if item.kind in (Kind.OFFSET, Kind.ORDER):
+        return item
+    return replace(item, size={Kind.LAG: lag, Kind.CURVE: 0.0}.get(item.kind, UNTRIED))
 
 
 def _shortened(record: HealthyRecording) -> HealthyRecording:
