@@ -185,11 +185,14 @@ def test_an_input_moves_at_its_highest_rate(first: float, last: float) -> None:
 
 
 def test_a_highest_rate_is_a_parameter_of_its_input() -> None:
-    """It is trusted unless it says otherwise, reads back, and is written where it stood."""
+    """It is a suspect unless it says otherwise, reads back, and is written where it stood."""
     stated = TANK.replace(LAG, f"{LAG}, rate_limit: 2 percent/s")
     graph = parse_model(stated)
     own = graph.parameter("u_rate_limit")
-    assert (own.nominal, own.unit.text, own.suspect, own.owner) == (2.0, "percent/s", False, "u")
+    assert (own.nominal, own.unit.text, own.suspect, own.owner) == (2.0, "percent/s", True, "u")
+    trusted = parse_model(stated.replace("2 percent/s", "{value: 2 percent/s, suspect: no}"))
+    assert not trusted.parameter("u_rate_limit").suspect
+    assert "rate_limit: {value: 2 percent/s, suspect: no}" in trusted.text
     assert owner_title(graph, own) == "input u"
     assert graph.lags == {"u_lag", "u_rate_limit", "flow_lag"}
     assert parse_model(graph.text).text == graph.text
@@ -202,7 +205,7 @@ def test_a_highest_rate_is_a_parameter_of_its_input() -> None:
 
 def test_a_drive_that_has_become_slow_is_found() -> None:
     """A valve that travels at a quarter of its rate from some time on is named, with its rate."""
-    text = TANK.replace(LAG, "lag: 1 s, rate_limit: {value: 4 percent/s, accuracy: 10 %, suspect: yes}")
+    text = TANK.replace(LAG, "lag: 1 s, rate_limit: {value: 4 percent/s, accuracy: 10 %}")
     graph = parse_model(text.replace(", lag: 4 s", ""))
     core = build_core(build_plant(graph), build_spec(build_step_model(build_plant(graph))))
     inputs = Inputs(time=np.arange(300.0), values=np.repeat(LEVELS, 60)[:, None])

@@ -277,7 +277,7 @@ def test_errors_tell_what_they_look_like(tmp_path: Path) -> None:
     found, said = hints(tmp_path, truth, late)
     assert [(item["sensor"], item["of"]) for item in found["late"]] == [("i", "V")]
     assert found["mirrored"] == []
-    assert "a `lag:` of V or a `lag:` of i" in said
+    assert "a `lag:` or a `rate_limit:` of V or a `lag:` of i" in said
     turned = truth.replace("source -> armature -> R", "armature -> source, armature -> R")
     found, said = hints(tmp_path, turned, plain)
     assert found["mirrored"] == ["i"]

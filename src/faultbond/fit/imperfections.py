@@ -301,7 +301,7 @@ def _late(graph: BondGraph, item: Imperfection) -> BondGraph:
         change=0,
         lower=0,
         upper=inf,
-        suspect=False,
+        suspect=is_limit,  # a drive becomes slow by itself
     )
     size = item.size
     parameters[name] = replace(known, nominal=size, accuracy=LAG_ACCURACY * size, change=LAG_CHANGE * size)

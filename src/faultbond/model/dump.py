@@ -161,7 +161,7 @@ class _Writer:
         )  # a mean stands in the middle of what it is of
         texts["noise_of"] = keys.NOISES_OF[1] if item.smooth else ""
         texts["hold"] = "" if item.hold is usual else item.hold.value
-        texts["rate_limit"] = self.trusted(self.parameters[item.rate_limit]) if item.rate_limit else ""
+        texts["rate_limit"] = self.rate_limit(self.parameters[item.rate_limit]) if item.rate_limit else ""
         ends = [_value(end, item.unit) for end in item.fitted_range or ()]
         texts["fitted_range"] = f"[{', '.join(ends)}]" if ends else ""
         return _flow(texts, keys.INPUT_KEYS)
@@ -182,14 +182,19 @@ class _Writer:
             "unit": item.unit.text,
             "column": scalar_text(item.column) if has_column else "",
             "noise": self.noise(item),
-            "lag": self.trusted(self.parameters[item.lag], item.order) if item.lag else "",
+            "lag": self.lag(self.parameters[item.lag], item.order) if item.lag else "",
             "range": "" if reach == "any" else reach,
             "suspect": "" if item.suspect or self.static else "no",
             "healthy_bias": _difference(item.healthy_bias, item.unit) if item.healthy_bias else "",
         }
 
-    def trusted(self, item: Parameter, order: int = 1) -> str:
-        """Give a number of an input or a sensor, as its time constant; it is trusted unless it says otherwise."""
+    def rate_limit(self, item: Parameter) -> str:
+        """Give the highest rate of an input."""
+        value, texts = _value(item.nominal, item.unit), {**self.spreads(item), "suspect": "" if item.suspect else "no"}
+        return _flow({"value": value, **texts}, keys.RATE_LIMIT_KEYS) if any(texts.values()) else value
+
+    def lag(self, item: Parameter, order: int) -> str:
+        """Give the time constant of an input or a sensor; it is trusted unless it says otherwise."""
         value = _value(item.nominal, item.unit)
         texts = {
             "order": str(order) if order > 1 else "",

@@ -112,9 +112,7 @@ PARAMETER_KEYS = Keys(
     },
     short="nominal",
 )
-_TRUSTED_KEYS = {key: PARAMETER_KEYS.known[key] for key in ("accuracy", "change", "healthy_change", "range")} | {
-    "suspect": Key(YES_NO, "`yes` makes it a suspect; default `no`"),
-}
+_SPREAD_KEYS = {key: PARAMETER_KEYS.known[key] for key in ("accuracy", "change", "healthy_change", "range")}
 LAG_KEYS = Keys(
     {
         "value": Key(VALUE, "time constant", required=True, missing="state the time constant, such as `value: 3 s`"),
@@ -125,7 +123,8 @@ LAG_KEYS = Keys(
             },
             "so many equal stages in a row share it; many come near a dead time; default 1",
         ),
-        **_TRUSTED_KEYS,
+        **_SPREAD_KEYS,
+        "suspect": Key(YES_NO, "`yes` makes the lag a suspect; default `no`"),
     },
     short="value",
 )
@@ -134,7 +133,8 @@ RATE_LIMIT_KEYS = Keys(
         "value": Key(
             VALUE, "highest rate", required=True, missing="state the highest rate, such as `value: 5 percent/s`"
         ),
-        **_TRUSTED_KEYS,
+        **_SPREAD_KEYS,
+        "suspect": PARAMETER_KEYS.known["suspect"],
     },
     short="value",
 )

@@ -241,7 +241,8 @@ class ValueReader:
         if not nominal.value > 0.0:
             raise value.error(" is a time above 0, such as `3 s`; an input or a sensor without `lag` follows at once")
         value.check_time(nominal.value)
-        name = self._trusted(place, fields, nominal, owner.name, "nothing acts before its cause")
+        suspect = read_suspect(fields, default=False)
+        name = self._timing(place, fields, nominal, owner.name, suspect, "nothing acts before its cause")
         return name, whole(fields["order"], 1, MOST_STAGES) if "order" in fields else 1
 
     def _rate_limit(self, owner: Spot, stated: Mapping[str, Spot], unit: Measure | None) -> str:
@@ -261,7 +262,8 @@ class ValueReader:
             raise value.error(
                 f" is a rate above 0, such as `5 {rate.unit.text}`; without it what lags moves at any rate"
             )
-        return self._trusted(place, fields, nominal, owner.name, "its size is meant, in both directions")
+        sign = "its size is meant, in both directions"
+        return self._timing(place, fields, nominal, owner.name, read_suspect(fields), sign)
 
     def _own(self, owner: Spot, stated: Spot, word: str) -> Spot:
         """Give the place of a number that belongs to an input or a sensor, called by the name of that."""
@@ -277,9 +279,11 @@ class ValueReader:
             )
         return Spot(self.source, stated.words, Entry(name, stated.entry.value, stated.line))
 
-    def _trusted(self, place: Spot, fields: Mapping[str, Spot], nominal: Quantity, owner: str, sign: str) -> str:
-        """Keep a number of an input or a sensor, which is above 0; it is trusted unless it says otherwise."""
-        found = self._number(place, fields, nominal, owner, "lag", read_suspect(fields, default=False))
+    def _timing(
+        self, place: Spot, fields: Mapping[str, Spot], nominal: Quantity, owner: str, suspect: bool, sign: str
+    ) -> str:
+        """Keep a number above 0 that says how an input or a sensor comes behind; give its name."""
+        found = self._number(place, fields, nominal, owner, "lag", suspect)
         if found.lower < 0.0:
             raise fields["range"].error(f" must not go below 0; {sign}")
         self.lags.append(found)

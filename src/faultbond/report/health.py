@@ -154,7 +154,7 @@ def _longer(graph: BondGraph, name: str) -> str:
     instruments: list[Input | Sensor] = [*graph.inputs, *graph.sensors]
     known = next(item for item in instruments if item.name == name)
     if not known.lag:
-        return f"a `lag:` of {name}"
+        return f"a `lag:` {'or a `rate_limit:` ' if isinstance(known, Input) else ''}of {name}"
     longer = f"a longer `lag:` of {name} than {duration_text(graph.parameter(known.lag).nominal)}"
     is_free = isinstance(known, Input) and not known.rate_limit
     return f"{longer}, a `rate_limit:` of it" if is_free else longer

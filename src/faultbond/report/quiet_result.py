@@ -354,6 +354,7 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
     nothing = f"nothing{so_far} that foretells what was held back better"
     told = under("as good", texts) if found.added else [("", nothing)]
     told += under("curves", [_curve_words(graph, item.what) for item in found.added if item.what.by])
+    told += under("trusted", _trusted_words(found))
     for label, sizes in (("raised", found.raised), ("lowered", found.lowered)):
         told += under(label, [f"{item.what} {item.times:.2g} times as large" for item in sizes])
     if not found.stated:
@@ -450,6 +451,15 @@ def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
     console.print()
     style = "bold green" if found.quiet and not found.fitted.strays and not found.deaf else "bold yellow"
     console.print(Text(quiet_verdict(found), style=style))
+
+
+def _trusted_words(found: Quieted) -> list[str]:
+    """Say of which lags that were added no fault is sought, and how one is."""
+    lags = [parameter_name(item.what) for item in found.added if item.what.kind is Kind.LAG]
+    if not lags:
+        return []
+    them = "it" if len(lags) == 1 else "them"
+    return [f"{join(lags)}: no fault is sought in {them}, unless the model says `suspect: yes` there"]
 
 
 def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:

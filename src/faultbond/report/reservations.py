@@ -69,15 +69,18 @@ def _not_asked(graph: BondGraph) -> Iterator[str]:
     if _could_be_more(graph):
         many = "one fault at once was" if graph.max_faults == 1 else f"{graph.max_faults} faults at once were"
         yield f"More than {many} not tested (`max_faults: {graph.max_faults}`)."
-    slow = [item.name for item in graph.inputs if item.suspect and _may_be_slow(graph, item)]
+    slow = [item for item in graph.inputs if item.suspect and _may_be_slow(graph, item)]
     if slow:
         has = "has" if len(slow) == 1 else "have"
-        yield f"It was not tested whether {join(slow)} {has} become slower to act (`lag` with `suspect: yes`)."
+        keys = join([f"`{key}`" for key in dict.fromkeys("rate_limit" if x.rate_limit else "lag" for x in slow)])
+        names = join([item.name for item in slow])
+        yield f"It was not tested whether {names} {has} become slower to act ({keys} with `suspect: yes`)."
 
 
 def _may_be_slow(graph: BondGraph, item: Input) -> bool:
     """Whether an input takes a while to act, and that it takes longer is no hypothesis."""
-    return not graph.parameter(item.lag).suspect if item.lag else item.settling > 0.0
+    timing = item.rate_limit or item.lag
+    return not graph.parameter(timing).suspect if timing else item.settling > 0.0
 
 
 def certainty(graph: BondGraph, diagnosis: Diagnosis) -> str:

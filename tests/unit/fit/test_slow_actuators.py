@@ -71,6 +71,7 @@ def test_a_highest_rate_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert added["size"] == pytest.approx(12.0, rel=0.02)
     assert found["quiet"]
     graph = load_model(tmp_path / "new.yaml")
+    assert [item.name for item in graph.parameters if item.suspect] == ["R", "L", "V_rate_limit"]
     assert graph.parameter("V_rate_limit").nominal == pytest.approx(12.0, rel=0.02)
     assert graph.parameter("V_lag").nominal == pytest.approx(0.06, rel=0.2)
     assert graph.parameter("R").nominal == pytest.approx(3.05, rel=0.01)
@@ -90,7 +91,9 @@ def test_a_dead_time_is_found_as_a_lag_in_stages(
     assert graph.parameter(f"{added['of']}_lag").nominal == pytest.approx(0.3, rel=0.02)
     assert graph.parameter("L").nominal == pytest.approx(2.5, rel=0.02)
     assert graph.sensors[0].noise == pytest.approx(0.02, rel=0.1)
-    assert "lag in 4 stages" in capsys.readouterr().out
+    told = " ".join(capsys.readouterr().out.split())
+    assert "lag in 4 stages" in told
+    assert f"trusted {added['of']}_lag: no fault is sought in it, unless the model says `suspect: yes` there" in told
 
 
 def test_a_rate_limit_brings_a_lag_of_its_own() -> None:

@@ -97,6 +97,12 @@ def test_what_none_explains_may_be_more_than_was_tested(history: History) -> Non
             "It was not tested whether u_in has become slower to act (`lag` with",
         ),
         ("lag: {value: 3 s, suspect: yes}", "suspect: yes", ""),
+        ("lag: 3 s, rate_limit: 2 percent/s", "suspect: yes", ""),
+        (
+            "lag: 3 s, rate_limit: {value: 2 percent/s, suspect: no}",
+            "settling: 12 s",
+            "whether u_in and u_out have become slower to act (`rate_limit` and `lag` with `suspect: yes`)",
+        ),
         ("lag: 3 s, suspect: no", "settling: 12 s, suspect: no", ""),
     ],
 )
