@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,8 +15,10 @@ import pytest
 from faultbond.app.identification import _lines
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT, USER_MISTAKE
+from faultbond.fit.identification import Fit
 from faultbond.io.recording import write_recording
-from faultbond.model.text import load_model
+from faultbond.model.text import load_model, parse_model
+from faultbond.report.fit_result import Fitted
 from faultbond.types import STEP
 
 MODEL = """# a motor
@@ -116,6 +119,21 @@ def test_accuracies_that_do_not_count_are_not_called_wrong(
     recording = write_current(tmp_path / "a.csv")
     assert main(["fit", str(model), str(recording), "-o", str(tmp_path / "new.yaml"), "--prior", prior]) == DONE
     assert ("contradict those declared" in capsys.readouterr().out) is told
+
+
+def test_what_a_search_added_was_declared_by_nobody() -> None:
+    """So nothing is said of an accuracy that was stated of it."""
+    found = cast("Fit", SimpleNamespace(contradicted={"L": 2.0, "V_lag": 1.7}))
+    fitted = Fitted(
+        graph=parse_model(MODEL),
+        found=found,
+        version="",
+        estimates=(),
+        noises=(),
+        silences=(),
+        added=frozenset({"V_lag"}),
+    )
+    assert fitted.wider == {"L": 2.0}
 
 
 def test_how_far_a_value_seems_to_move_is_written(

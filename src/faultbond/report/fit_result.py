@@ -82,6 +82,11 @@ class Fitted:
     alarms: Mapping[str, float] | None = None
 
     @property
+    def wider(self) -> dict[str, float]:
+        """How many times wider the accuracies are that the data agree with, of parameters that the file declared."""
+        return {name: times for name, times in self.found.contradicted.items() if name not in self.added}
+
+    @property
     def correlations(self) -> tuple[Correlation, ...]:
         """What the model is to declare: as found, and of parameters that were not fitted as it was."""
         order = {item.name: k for k, item in enumerate(self.graph.parameters)}
@@ -341,7 +346,7 @@ def print_fit(console: Console, fitted: Fitted, output: Path | None) -> None:
     graph, found = fitted.graph, fitted.found
     headline(console, graph.name, graph.file)
     data = under("recordings", [recording_text(item.name, item.time) for item in found.records])
-    if wide := [f"{name} {times:.1f} times" for name, times in found.contradicted.items()]:
+    if wide := [f"{name} {times:.1f} times" for name, times in fitted.wider.items()]:
         told = f"the data contradict those declared and agree with wider ones: {', '.join(wide)}"
         data.append(("accuracies", told))
     if found.wild:
