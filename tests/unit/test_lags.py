@@ -7,7 +7,9 @@ import pytest
 from rich.console import Console
 from scipy.stats import gamma
 
+from faultbond.algebra.routes.questions import all_questions
 from faultbond.analysis.sensor_advice import readable_signals
+from faultbond.equations.component_network import build_components
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.errors import ModelError
@@ -168,6 +170,17 @@ def test_a_lag_of_higher_order_is_a_row_of_stores(order: int) -> None:
         assert len(made.state_names) == order
         assert parse_model(model.text).text == model.text
     assert (parse_model(text).inputs[0].order, parse_model(other).sensors[0].order) == (order, order)
+
+
+def test_nothing_is_asked_of_what_stands_between_stages() -> None:
+    """Of three stages the last has a name, as that of a single one has; no route is asked for of the others."""
+    titles = []
+    for text in (BLOCKS, BLOCKS.replace("{lag: 2 s}", "{lag: {value: 2 s, order: 3}}")):
+        graph = parse_model(text)
+        network = build_components(graph, build_plant(graph).network)
+        titles.append([item.title for item in all_questions(network, 1)])
+    assert titles[0] == titles[1]
+    assert "state u.lagged" in titles[0]
 
 
 @pytest.mark.parametrize(("first", "last"), [(10.0, 70.0), (70.0, 10.0)])

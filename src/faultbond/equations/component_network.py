@@ -46,13 +46,15 @@ class Equation:
 class FrameState:
     """A signal that reaches from one frame into the next; `sum` names the equation that carries it.
 
-    rate: the signal that is its change in a second. component: the store, if it is one.
+    rate: the signal that is its change in a second. component: the store, if it is one. is_stage: whether it stands
+    within a lag of several stages.
     """
 
     signal: str
     rate: str
     sum: str
     component: str | None
+    is_stage: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,6 +143,7 @@ def build_components(graph: BondGraph, network: ConstraintNetwork) -> ComponentN
                 rate=aliases.get(rate, rate),
                 sum=sums[store.name],
                 component=store.component,
+                is_stage=store.is_stage,
             )
             for store in stores
             for signal, rate in [carried[store.name]]

@@ -43,6 +43,11 @@ class Store:
     source: str = ""
     owner: str = ""
 
+    @property
+    def is_stage(self) -> bool:
+        """Whether it is within a lag of several stages, not the last of them: nothing shows or follows it."""
+        return bool(self.lag) and self.name != f"{self.owner}.lagged"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConstraintNetwork:

@@ -124,12 +124,19 @@ def parameter_sets(network: ComponentNetwork, max_faults: int) -> tuple[Question
 
 
 def all_questions(network: ComponentNetwork, max_faults: int) -> tuple[Question, ...]:
-    """Give every question of this module; that of a rate once for now and once for one frame earlier."""
-    return (
+    """Give every question of this module; that of a rate once for now and once for one frame earlier.
+
+    Of what stands within a lag of several stages nothing is asked: nobody has named it.
+    """
+    stages = {state.signal for state in network.states if state.is_stage}
+    of_states = (
         *states(network),
         *states_at_start(network),
         *states_from_rates(network),
         *(question for pair in rates(network) for question in pair[1:]),
+    )
+    return (
+        *(item for item in of_states if not any(target[0] in stages for target in item.targets)),
         *outputs(network),
         *either_side(network),
         *parameter_sets(network, max_faults),
