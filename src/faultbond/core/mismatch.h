@@ -5,16 +5,22 @@
    probability is that of before. Reasons and figures: docs/decisions/020-walks.md.
 
    So is a model that is known to alarm on healthy data. Of n + 1 alarms, n of them false, this one is taken to be the one that is
-   none; which of them it is nobody knows, and so it is one more false one with n / (n + 1). Figures: docs/decisions/034-false-alarms.md. */
+   none; which of them it is nobody knows, and so it is one more false one with n / (n + 1). Figures: docs/decisions/034-false-alarms.md.
+
+   And where nothing that is tested changed, but the likeliest lane has such a parameter far from where it is declared: then that is
+   what changed, or the model is off there. Of a trusted drive that travels at a third of its rate every lane learns so, in time. */
 #ifndef FB_MISMATCH_H
 #define FB_MISMATCH_H
 
 #include "ranking.h"
+#include "within.h"
 
 FB_SELDOM
 
 #define OFF_FROM_START 0.9 /* probability that the model is off where what counts as healthy is not as declared, */
 #define OFF_SINCE 0.5      /* and where it was for a while, and then moved: a fault may move what it is not */
+#define FAR_OFF 8.0        /* accuracies from where it is declared, of what counts as healthy */
+#define MORE_THAN_HALF 0.5
 
 /* Whether a tested set of parameters has this one. */
 static int is_in_a_set(int64_t parameter)
@@ -32,19 +38,30 @@ static double probability_off(const State *state)
     return fmax(known, state->alarm.window == WALKS ? OFF_FROM_START : OFF_SINCE);
 }
 
+/* Whether the likeliest lane has a parameter that is in no tested set far from where it is declared. */
+static int is_far_off(const State *state, int64_t lane)
+{
+    for (int j = 0; lane >= 0 && j < N_PARAMETERS; j++) {
+        const double off = fabs(number_in(&state->bank, lane, AT_PARAMETERS + j) - HEALTHY[j]);
+        if (ACCURACY[j] > 0.0 && off > FAR_OFF * ACCURACY[j] && !is_in_a_set(j)) return 1;
+    }
+    return 0;
+}
+
 /* Leave to a model that is off what is its part of a ranking. It tells no tested set from another, so each has an even share. */
 static void leave_to_mismatch(const State *state, const Ranking *ranking, Diagnosis *found)
 {
+    const double off = probability_off(state), left = 1.0 - off, within = found->within_accuracy;
+    const int is_elsewhere = within > MORE_THAN_HALF && is_far_off(state, ranking->best[leading_hypothesis(ranking)]);
     int64_t n_tested = 0;
-    found->mismatch = probability_off(state);
-    if (!(found->mismatch > 0.0)) return;
-    const double left = 1.0 - found->mismatch;
-    found->within_accuracy *= left;
+    found->mismatch = off + (is_elsewhere ? left * within : 0.0); /* of both each set has an even share already */
+    found->within_accuracy = is_elsewhere ? 0.0 : left * within;
+    if (!(off > 0.0)) return;
     for (int64_t k = 0; k < N_HYPOTHESES; k++) n_tested += is_tested(ranking, k);
     for (int64_t row = 0; row < found->n_candidates; row++) {
         Candidate *candidate = &found->candidates[row];
         candidate->probability *= left;
-        if (is_tested(ranking, candidate->hypothesis)) candidate->probability += found->mismatch / (double)n_tested;
+        if (is_tested(ranking, candidate->hypothesis)) candidate->probability += off / (double)n_tested;
     }
 }
 

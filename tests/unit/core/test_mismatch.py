@@ -32,6 +32,19 @@ def diagnosed(walker: int, window: int = WALKS, false_alarms: int = 0) -> tuple[
     return float(found["mismatch"]), tuple(map(float, rows["probability"])), float(found["within_accuracy"])
 
 
+def elsewhere(parameter: int, off: float, false_alarms: int) -> tuple[float, tuple[float, ...], float]:
+    """The same where no set changed by more than it may, and a parameter is so many accuracies off."""
+    state = Diagnosed(replace(OTHERS, false_alarms=false_alarms))
+    state.only(0)
+    lane, first = state.lane("step", 0), SPEC.parameter_slice.start
+    for k, item in enumerate(SPEC.parameters):
+        state["bank.healthy"][first + k] = lane[first + k] = item.healthy
+    lane[first + parameter] += off * SPEC.parameters[parameter].accuracy
+    found = state.diagnose()
+    rows = found["candidates"][: found["n_candidates"]]
+    return float(found["mismatch"]), tuple(map(float, rows["probability"])), float(found["within_accuracy"])
+
+
 @pytest.mark.parametrize(("window", "name"), [(WALKS, "OFF_FROM_START"), (2, "OFF_SINCE")])
 def test_what_counts_as_healthy_and_walks_leaves_the_most_to_a_model_that_is_off(window: int, name: str) -> None:
     """However well a set explains the data, as that has to make up for what was moved; less where it moved late."""
@@ -44,6 +57,21 @@ def test_what_counts_as_healthy_and_walks_leaves_the_most_to_a_model_that_is_off
     assert sets == pytest.approx([(1.0 - off) * probability + off / len(surely) for probability in surely])
     assert within == pytest.approx((1.0 - off) * before)
     assert sum(sets) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("false_alarms", [0, 1])
+@pytest.mark.parametrize(("off", "is_far"), [(9.0, True), (-9.0, True), (7.0, False)])
+def test_what_counts_as_healthy_and_is_elsewhere_is_no_healthy_plant(
+    off: float, false_alarms: int, *, is_far: bool
+) -> None:
+    """Where no suspect changed, and what is trusted is eight accuracies away, the model is off, with all of that."""
+    before = elsewhere(TRUSTED, 0.0, false_alarms)
+    found = elsewhere(TRUSTED, off, false_alarms)
+    assert before[2] > 0.4
+    assert found[1] == before[1]  # each set keeps its share
+    assert found[0] == pytest.approx(before[0] + before[2] if is_far else before[0])
+    assert found[2] == (0.0 if is_far else before[2])
+    assert elsewhere(SUSPECT, off, false_alarms)[0] == before[0]
 
 
 def test_what_may_be_at_fault_and_walks_is_asked_as_before() -> None:

@@ -236,6 +236,24 @@ def test_a_model_that_is_off_is_told_with_its_cure(history: History) -> None:
     assert view.left_out == ("With 90.0 % the model is off: that stands in the percentages above, in equal parts.")
 
 
+@pytest.mark.parametrize("walker", ["", "K1"])
+def test_what_is_trusted_and_has_changed_is_told(walker: str, history: History) -> None:
+    """Where no suspect changed, what counts as healthy did: that is listed, also where a suspect raised the alarm."""
+    trusted = (replace(item, suspect=item.name not in ("K3", "K6")) for item in GRAPH.parameters)
+    graph = replace(GRAPH, parameters=tuple(trusted))
+    best = kind_of(suspect(graph, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.05)
+    shown = with_last(history, (best,))
+    walk = Walk(parameter=walker, sd=4.7, from_start=True) if walker else None
+    alarm = replace(shown.detections[-1], walk=walk)
+    diagnosis = replace(shown.diagnoses[-1], mismatch=0.93)
+    shown = replace(shown, detections=(alarm,), open=alarm, diagnoses=(diagnosis,))
+    told = verdict_sentence(graph, shown, RunCounts(samples=9), Notation.FILE)
+    assert told.startswith(
+        "Most likely the model is off (93.0 %): no suspect changed, but something that counts as healthy is far from "
+        "where it is declared, of K3 and K6. If it may fail, say `suspect: yes`. Nearest comes a change of the pipe"
+    )
+
+
 def test_a_model_that_is_known_to_alarm_is_told_with_its_cure(history: History) -> None:
     """Also where something walked, as long as that is not why it is held to be off."""
     graph = replace(GRAPH, false_alarms=2)
