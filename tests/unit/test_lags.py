@@ -84,6 +84,12 @@ def recorded(*faults: Fault) -> Simulation:
         ("lag: 4 s", "lag: 4 s, rate_limit: 1 m^3/s^2", "sensor flow: unknown key `rate_limit`"),
         (LAG, f"{LAG}, rate_limit: 2 percent", "input u: rate_limit is in percent, but percent/s is expected"),
         (LAG, f"{LAG}, rate_limit: 0 percent/s", "input u: rate_limit is a rate above 0, such as `5 percent/s`"),
+        (
+            f"{LAG}}}}}\ncomponents:\n  pump: {{type: Sf, law: f = G*u, parameters: {{",
+            f"{LAG}, rate_limit: 2 percent/s}}}}\ncomponents:\n  pump: {{type: Sf, law: f = G*u, parameters: "
+            "{u_rate_limit: 3, ",
+            "parameter `u_rate_limit` is already a rate limit on line 4",
+        ),
         (LAG, "rate_limit: 2 percent/s", "rate_limit: it needs a `lag` beside it; state `lag: 1 s`, one sample"),
         (
             LAG,

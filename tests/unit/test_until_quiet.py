@@ -75,21 +75,8 @@ from faultbond.report.reservations import unexplained_sentence
 from faultbond.runtime.core import Core
 from faultbond.synthesis.engine import build_model
 from faultbond.types import Hold
+from winding import MODEL
 
-MODEL = """# a motor
-name: motor
-sample_time: 0.02 s
-accuracy: 3 %
-time_between_false_alarms: 1 h
-inputs: {V: {unit: V}}
-components:
-  source: {type: Se, law: e = V}
-  R: {type: R, parameters: {R: 3 ohm}}      # winding
-  L: {type: I, parameters: {L: {nominal: 2.5 H, accuracy: 5 %}}, start: {p: 0 V*s, sd: 0.001 V*s}}
-junctions: {armature: 1}
-bonds: [source -> armature -> R, armature -> L]
-sensors: {i: {reads: armature.f, unit: A, noise: 50 mA}}
-"""
 R, L, NOISE, STEP = 3.3, 2.2, 0.02, 0.02
 
 

@@ -242,7 +242,7 @@ class ValueReader:
             raise value.error(" is a time above 0, such as `3 s`; an input or a sensor without `lag` follows at once")
         value.check_time(nominal.value)
         suspect = read_suspect(fields, default=False)
-        name = self._timing(place, fields, nominal, owner.name, suspect, "nothing acts before its cause")
+        name = self._timing(place, fields, nominal, owner.name, "lag", suspect)
         return name, whole(fields["order"], 1, MOST_STAGES) if "order" in fields else 1
 
     def _rate_limit(self, owner: Spot, stated: Mapping[str, Spot], unit: Measure | None) -> str:
@@ -262,8 +262,7 @@ class ValueReader:
             raise value.error(
                 f" is a rate above 0, such as `5 {rate.unit.text}`; without it what lags moves at any rate"
             )
-        sign = "its size is meant, in both directions"
-        return self._timing(place, fields, nominal, owner.name, read_suspect(fields), sign)
+        return self._timing(place, fields, nominal, owner.name, "rate limit", read_suspect(fields))
 
     def _own(self, owner: Spot, stated: Spot, word: str) -> Spot:
         """Give the place of a number that belongs to an input or a sensor, called by the name of that."""
@@ -280,12 +279,13 @@ class ValueReader:
         return Spot(self.source, stated.words, Entry(name, stated.entry.value, stated.line))
 
     def _timing(
-        self, place: Spot, fields: Mapping[str, Spot], nominal: Quantity, owner: str, suspect: bool, sign: str
+        self, place: Spot, fields: Mapping[str, Spot], nominal: Quantity, owner: str, what: str, suspect: bool
     ) -> str:
         """Keep a number above 0 that says how an input or a sensor comes behind; give its name."""
-        found = self._number(place, fields, nominal, owner, "lag", suspect)
+        found = self._number(place, fields, nominal, owner, what, suspect)
         if found.lower < 0.0:
-            raise fields["range"].error(f" must not go below 0; {sign}")
+            why = {"lag": "nothing acts before its cause", "rate limit": "its size is meant, in both directions"}
+            raise fields["range"].error(f" must not go below 0; {why[what]}")
         self.lags.append(found)
         return found.name
 

@@ -283,11 +283,12 @@ def heat_lines(graph: BondGraph, names: Collection[str]) -> list[tuple[str, str]
     Heat counts from 0 K, unless the law counts it from elsewhere. One that stays where the capacity jumps is another
     temperature at once, by far more than a capacity that changes while the plant is cold, or slowly, ever shows.
     """
-    kelvins = {item.name: dict(measure(item.unit.text).dimension.powers).get("kelvin", 0) for item in graph.parameters}
+    units = {item.name: item.unit for item in graph.parameters} | {item.name: item.unit for item in graph.constants}
+    kelvins = {name: dict(measure(unit.text).dimension.powers).get("kelvin", 0) for name, unit in units.items()}
     stores = {
         name
         for item in graph.components
-        if item.type is ElementType.C and not _constants_of(graph, item)
+        if item.type is ElementType.C and not any(kelvins.get(name) == 1 for name in _named_by(item))
         for name in item.parameters
     }
     told = [name for name in names if name in stores and kelvins[name] == -1]
@@ -300,9 +301,9 @@ def heat_lines(graph: BondGraph, names: Collection[str]) -> list[tuple[str, str]
     return [(join(told), text)]
 
 
-def _constants_of(graph: BondGraph, part: Component) -> set[str]:
-    """Give the constants that the law of a component names."""
-    return {name for law in part.laws for name in names(law.right)} & {item.name for item in graph.constants}
+def _named_by(part: Component) -> set[str]:
+    """Give what the law of a component names."""
+    return {name for law in part.laws for name in names(law.right)}
 
 
 def _unit_of(graph: BondGraph, name: str) -> tuple[Unit, float]:

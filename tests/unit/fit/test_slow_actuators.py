@@ -23,28 +23,15 @@ from faultbond.model.text import load_model, parse_model
 from faultbond.report.quiet_result import amended_text
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.engine import build_model
+from winding import MODEL
 
-FIRST = """\
-name: winding
-sample_time: 0.02 s
-accuracy: 3 %
-time_between_false_alarms: 1 h
-inputs: {V: {unit: V}}
-components:
-  source: {type: Se, law: e = V}
-  R: {type: R, parameters: {R: 3 ohm}}
-  L: {type: I, parameters: {L: {nominal: 2.5 H, accuracy: 5 %}}, start: {p: 0 V*s, sd: 0.001 V*s}}
-junctions: {armature: 1}
-bonds: [source -> armature -> R, armature -> L]
-sensors: {i: {reads: armature.f, unit: A, noise: 50 mA}}
-"""
-TRUE = FIRST.replace("3 ohm", "3.05 ohm").replace("50 mA", "20 mA")
+TRUE = MODEL.replace("3 ohm", "3.05 ohm").replace("50 mA", "20 mA")
 LIMIT = Imperfection(kind=Kind.RATE_LIMIT, place="V", size=12.0, memory=0.06)
 
 
 def fitted(folder: Path, true: str, moves: Callable[[int], np.ndarray[Any, np.dtype[np.float64]]]) -> dict[str, Any]:
     """Fit the first model until quiet to recordings of the true one; give the record of what was done."""
-    (folder / "first.yaml").write_text(FIRST, encoding="utf-8")
+    (folder / "first.yaml").write_text(MODEL, encoding="utf-8")
     for seed in (1, 2):
         inputs = Inputs(time=0.02 * np.arange(1200.0), values=moves(seed)[:, None])
         made = simulate(parse_model(true), inputs, seed=seed)
@@ -98,7 +85,7 @@ def test_a_dead_time_is_found_as_a_lag_in_stages(
 
 def test_a_rate_limit_brings_a_lag_of_its_own() -> None:
     """Where the input lags already it keeps that; either reads back from the text with both numbers."""
-    graph = parse_model(FIRST)
+    graph = parse_model(MODEL)
     limited = with_imperfections(graph, (LIMIT,))
     assert (limited.inputs[0].lag, limited.inputs[0].rate_limit) == ("V_lag", "V_rate_limit")
     assert [item.nominal for item in limited.parameters[-2:]] == [0.06, 12.0]
@@ -109,16 +96,16 @@ def test_a_rate_limit_brings_a_lag_of_its_own() -> None:
     lagging = with_imperfections(graph, (Imperfection(kind=Kind.LAG, place="V", size=0.5, order=2),))
     both = with_imperfections(lagging, (LIMIT,))
     assert (both.parameter("V_lag").nominal, both.inputs[0].order) == (0.5, 2)
-    back = parse_model(amended_text(FIRST, graph, [Added(what=LIMIT, trained=1.0, held=1.0)]))
+    back = parse_model(amended_text(MODEL, graph, [Added(what=LIMIT, trained=1.0, held=1.0)]))
     assert [back.parameter(name).nominal for name in ("V_lag", "V_rate_limit")] == [0.06, 12.0]
     lag = replace(lag_of(LIMIT), size=0.4, order=3)
-    back = parse_model(amended_text(FIRST, graph, [Added(what=item, trained=1.0, held=1.0) for item in (LIMIT, lag)]))
+    back = parse_model(amended_text(MODEL, graph, [Added(what=item, trained=1.0, held=1.0) for item in (LIMIT, lag)]))
     assert (back.parameter("V_lag").nominal, back.inputs[0].order) == (0.4, 3)
 
 
 def test_an_order_changes_how_a_declared_lag_comes() -> None:
     """Only that is written, beside the value that was declared."""
-    text = FIRST.replace("noise: 50 mA", "noise: 50 mA, lag: 0.3 s")
+    text = MODEL.replace("noise: 50 mA", "noise: 50 mA, lag: 0.3 s")
     order = Imperfection(kind=Kind.ORDER, place="i", is_sensor=True, size=4.0)
     graph = parse_model(text)
     assert with_imperfections(graph, (order,)).sensors[0].order == 4
@@ -128,7 +115,7 @@ def test_an_order_changes_how_a_declared_lag_comes() -> None:
 
 def chosen(gains: Sequence[tuple[Imperfection, float]], monkeypatch: pytest.MonkeyPatch) -> tuple[Search, Footing]:
     """Give what a round keeps of what was tried, each with what it foretells, and the search."""
-    stand = Footing(graph=parse_model(FIRST), values={}, starts={})
+    stand = Footing(graph=parse_model(MODEL), values={}, starts={})
     search = Search.__new__(Search)
     search.tell, search.refused = lambda _: None, {}
     found = [
@@ -185,7 +172,7 @@ def test_what_is_added_says_the_order_of_its_lag() -> None:
         (Kind.ORDER, "V", 1),
     ]
     assert (found[0].trained, found[0].held) == (7.0, 5.0)
-    plain = without_lag(with_imperfections(parse_model(FIRST), (replace(lag.what, order=4),)), lag.what)
+    plain = without_lag(with_imperfections(parse_model(MODEL), (replace(lag.what, order=4),)), lag.what)
     assert plain.sensors[0].lag == ""
 
 
@@ -201,27 +188,27 @@ def proposed(text: str, values: Sequence[float]) -> set[tuple[Kind, str, float]]
 def test_commands_may_have_a_highest_rate() -> None:
     """As large as the largest move at first; what stands still has none, nor what is measured, nor one that has it."""
     limit = (Kind.RATE_LIMIT, "V", 6.0)
-    assert limit in proposed(FIRST, [0.0] * 10 + [3.0] * 10)
-    assert limit[0] not in {kind for kind, *_ in proposed(FIRST, [3.0] * 20)}
-    stated = FIRST.replace("{unit: V}", "{unit: V, noise: 0.1 V, noise_of: record}")
+    assert limit in proposed(MODEL, [0.0] * 10 + [3.0] * 10)
+    assert limit[0] not in {kind for kind, *_ in proposed(MODEL, [3.0] * 20)}
+    stated = MODEL.replace("{unit: V}", "{unit: V, noise: 0.1 V, noise_of: record}")
     assert limit not in proposed(stated, [0.0] * 10 + [3.0] * 10)
-    stated = FIRST.replace("{unit: V}", "{unit: V, lag: 1 s, rate_limit: 2 V/s}")
+    stated = MODEL.replace("{unit: V}", "{unit: V, lag: 1 s, rate_limit: 2 V/s}")
     assert limit[0] not in {kind for kind, *_ in proposed(stated, [0.0] * 10 + [3.0] * 10)}
 
 
 def test_what_lags_may_do_so_in_other_stages() -> None:
     """In those that it does not have; what does not lag may do so in one or in several."""
     rows = [0.0] * 10 + [3.0] * 10
-    stated = proposed(FIRST.replace("50 mA", "50 mA, lag: {value: 1 s, order: 2}"), rows)
+    stated = proposed(MODEL.replace("50 mA", "50 mA, lag: {value: 1 s, order: 2}"), rows)
     assert {size for kind, place, size in stated if (kind, place) == (Kind.ORDER, "i")} == {1.0, 4.0}
     assert (Kind.LAG, "i") not in {(kind, place) for kind, place, _ in stated}
-    assert not {place for kind, place, _ in proposed(FIRST, rows) if kind is Kind.ORDER}
+    assert not {place for kind, place, _ in proposed(MODEL, rows) if kind is Kind.ORDER}
 
 
 def test_a_lag_beside_a_highest_rate_is_not_left_out() -> None:
     """However short it is: the rate is of what lags."""
     search = Search.__new__(Search)
-    search.graph, search.step = parse_model(FIRST), 1.0
+    search.graph, search.step = parse_model(MODEL), 1.0
     lag = Added(what=replace(lag_of(LIMIT), size=0.9 * NO_LAG), trained=9.0, held=9.0)
     stand = Footing(graph=search.graph, values={}, starts={}, added=(lag,))
     assert search._spent_lags(stand) == [lag]

@@ -251,4 +251,6 @@ def test_of_heat_capacities_it_is_told_what_a_smallest_fault_is() -> None:
     assert heat_lines(store, ["U"]) == []
     from_usual = STORE.replace("q = C1*e", "q = C1*(e - T0)").replace("inputs:", "constants: {T0: 20 degC}\ninputs:")
     assert heat_lines(parse_model(from_usual), ["U", "C1"]) == []
+    by_mass = STORE.replace("q = C1*e", "q = C1*share*e").replace("inputs:", "constants: {share: 0.7}\ninputs:")
+    assert [names for names, _ in heat_lines(parse_model(by_mass), ["U", "C1"])] == ["C1"]
     assert heat_lines(load_model(EXAMPLES / "tank" / "model.yaml"), ["K3", "K1"]) == []
