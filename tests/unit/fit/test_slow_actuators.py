@@ -12,7 +12,7 @@ import pytest
 
 from faultbond.app import quiet_fit
 from faultbond.cli import DONE, main
-from faultbond.fit import further
+from faultbond.fit import further, quiet_search
 from faultbond.fit.delays import late_ones
 from faultbond.fit.foothold import Added, Footing, with_orders
 from faultbond.fit.imperfections import Imperfection, Kind, found_in, lag_of, with_imperfections, without_lag
@@ -213,3 +213,21 @@ def test_a_lag_beside_a_highest_rate_is_not_left_out() -> None:
     stand = Footing(graph=search.graph, values={}, starts={}, added=(lag,))
     assert search._spent_lags(stand) == [lag]
     assert not search._spent_lags(replace(stand, added=(lag, Added(what=LIMIT, trained=9.0, held=9.0))))
+
+
+@pytest.mark.parametrize("loops", [frozenset[tuple[str, str]](), frozenset({("i", "V")})])
+def test_no_transient_error_is_asked_of_a_sensor_in_a_loop(
+    loops: frozenset[tuple[str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A slow error of it is; and a transient one where the input does not answer it."""
+    slow = Imperfection(kind=Kind.ABSOLUTE, place="i", is_sensor=True)
+    after = replace(slow, kind=Kind.TRANSIENT, after="V")
+    search = Search.__new__(Search)
+    search.tell, search.possible, search.trained = lambda _: None, (slow, after), ()
+    search.all = cast("Any", SimpleNamespace(model=SimpleNamespace(direct=((),))))
+    monkeypatch.setattr(search, "asking", lambda _: ({}, lambda tried: [1.0] * len(tried)))
+    monkeypatch.setattr(search, "_sizes", lambda *_: (1.0,))
+    monkeypatch.setattr(search, "_memories", lambda _: (1.0,))
+    monkeypatch.setattr(quiet_search, "in_a_loop", lambda *_: loops)
+    asked = search.profile(Footing(graph=parse_model(MODEL), values={}, starts={}))
+    assert {item.kind for item, _ in asked} == ({Kind.ABSOLUTE} if loops else {Kind.ABSOLUTE, Kind.TRANSIENT})
