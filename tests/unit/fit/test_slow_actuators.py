@@ -90,6 +90,7 @@ def test_a_rate_limit_brings_a_lag_of_its_own() -> None:
     assert (limited.inputs[0].lag, limited.inputs[0].rate_limit) == ("V_lag", "V_rate_limit")
     assert [item.nominal for item in limited.parameters[-2:]] == [0.06, 12.0]
     assert limited.parameter("V_rate_limit").unit.text == "V/s"
+    assert [item.suspect for item in limited.parameters[-2:]] == [False, True]  # as in a file
     layout, q = layout_of(build_model(limited)), nominal_q(build_model(limited))
     (found,) = found_in(limited, layout, q, (replace(LIMIT, size=1.0, memory=1.0),))
     assert (found.size, found.memory) == pytest.approx((12.0, 0.06))
