@@ -97,6 +97,7 @@ def test_a_rate_limit_brings_a_lag_of_its_own() -> None:
     lagging = with_imperfections(graph, (Imperfection(kind=Kind.LAG, place="V", size=0.5, order=2),))
     both = with_imperfections(lagging, (LIMIT,))
     assert (both.parameter("V_lag").nominal, both.inputs[0].order) == (0.5, 2)
+    assert quiet_search._opened(LIMIT, 0.08) == replace(LIMIT, memory=0.08)  # steps are easy for a lag of some samples
     back = parse_model(amended_text(MODEL, graph, [Added(what=LIMIT, trained=1.0, held=1.0)]))
     assert [back.parameter(name).nominal for name in ("V_lag", "V_rate_limit")] == [0.06, 12.0]
     lag = replace(lag_of(LIMIT), size=0.4, order=3)
