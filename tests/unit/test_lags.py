@@ -90,7 +90,11 @@ def recorded(*faults: Fault) -> Simulation:
             "{u_rate_limit: 3, ",
             "parameter `u_rate_limit` is already a rate limit on line 4",
         ),
-        (LAG, "rate_limit: 2 percent/s", "rate_limit: it needs a `lag` beside it; state `lag: 1 s`, one sample"),
+        (
+            LAG,
+            "rate_limit: 2 percent/s",
+            "rate_limit: it needs a `lag` beside it; state `lag: {value: 1 s, accuracy: 50 %}`",
+        ),
         (
             LAG,
             f"{LAG}, rate_limit: {{value: 2 percent/s, range: [-1 percent/s, 9 percent/s]}}",

@@ -251,7 +251,8 @@ class ValueReader:
         if "lag" not in stated:
             usual = f"{self.head.sample_time:g} s" if self.head.sample_time else "1 s"
             raise place.error(
-                f": it needs a `lag` beside it; state `lag: {usual}`, one sample, if nothing is known of it"
+                f": it needs a `lag` beside it; state `lag: {{value: {usual}, accuracy: 50 %}}`, about a sample, "
+                "if nothing is known of it"
             )
         fields = place.fields(RATE_LIMIT_KEYS)
         value = place.at(fields["value"])
