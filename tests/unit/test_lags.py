@@ -13,6 +13,7 @@ from faultbond.equations.component_network import build_components
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.errors import ModelError
+from faultbond.fit.samples import healthy_recording
 from faultbond.model.builder import ModelBuilder
 from faultbond.model.graph import BondGraph
 from faultbond.model.rewrite import NewParameter, rewrite
@@ -262,6 +263,20 @@ def test_what_lags_is_felt_later() -> None:
     assert not [name for name in readable_signals(model) if "lagged" in name]
     bare = parse_model(TANK.replace(", lag: 4 s", "").replace("lag: {value: 8 s, accuracy: 10 %, suspect: yes}", ""))
     assert build_step_model(build_plant(bare)).direct == ((0,), ())
+
+
+@pytest.mark.parametrize("order", ["4 s", "{value: 4 s, order: 3}"])
+def test_settling_holds_beside_a_lag(order: str) -> None:
+    """What would feel the input at once but for lags, its own or that of the input, is not judged after a step."""
+    settling = TANK.replace("unit: percent", "unit: percent, settling: 20 s").replace("lag: 4 s", f"lag: {order}")
+    models = [build_step_model(build_plant(parse_model(text))) for text in (settling, TANK)]
+    assert [model.felt for model in models] == [((0,), ()), ((), ())]
+    graph = parse_model(settling)
+    core = build_core(build_plant(graph), build_spec(models[0]))
+    made = simulate(graph, Inputs(time=np.arange(120.0), values=np.repeat(LEVELS[:2], 60)[:, None]), (), seed=4)
+    record = healthy_recording("a", samples_of(made.time, made.inputs, made.outputs), core)
+    assert np.flatnonzero(~record.use[:, 0]).tolist() == list(range(60, 80))
+    assert record.use[:, 1].all()
 
 
 @pytest.mark.parametrize(

@@ -118,7 +118,7 @@ class OutputSpec:
 
     name: str
     noise: float
-    direct_inputs: tuple[int, ...]  # inputs that reach this output without passing a state
+    direct_inputs: tuple[int, ...]  # inputs that reach this output at once, or but for a lag where they have `settling`
     unit: str
     unit_factor: float
     unit_offset: float

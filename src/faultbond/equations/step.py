@@ -54,7 +54,7 @@ class StepModel:
     scales: sizes of the parameters (n_parameters,), SI; v holds parameters as factors of them. noisy: inputs with an
     error in v. reference: state (n_states,) and implicit signals (n_implicit,), SI, of a nominal run, where the number
     of substeps was chosen. direct, of_parts: for each output the inputs that reach it without passing a state, and the
-    parameters that do.
+    parameters that do. felt: as direct, and those with `settling` that reach it by no state but those of lags.
     """
 
     plant: Plant
@@ -79,6 +79,7 @@ class StepModel:
     measure_is_linear: bool
     direct: tuple[tuple[int, ...], ...]
     of_parts: tuple[tuple[int, ...], ...]
+    felt: tuple[tuple[int, ...], ...]
 
     @property
     def follow(self) -> ca.Function:
@@ -127,6 +128,7 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
     solved = newton(*arguments)[0]
     measure = ca.Function("measure", arguments, [*readings_(v, plant.u, solved), solved], {"cse": True})
     start = _nominal_start(plant, coordinates, v.numel(), scales)
+    direct = _at_once(readings, plant.u, plant.z)
     reference_x, reference_z, fastest = _reference(plant, rates, newton, start)
     grid = graph.sample_time if graph.sample_time is not None else 1.0
     substeps = int(np.clip(ceil(fastest * grid / _RESOLVED), 1, MAX_SUBSTEPS))
@@ -154,8 +156,9 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
         reference_state=reference_x,
         reference_implicit=reference_z,
         measure_is_linear=not ca.depends_on(readings_(*arguments)[1], ca.vertcat(v, plant.z)),
-        direct=_at_once(readings, plant.u, plant.z),
+        direct=direct,
         of_parts=_at_once(readings, factors, plant.z),
+        felt=_felt(plant, direct, readings, rates_, x),
     )
 
 
@@ -312,6 +315,28 @@ def _at_once(readings: ca.SX, what: ca.SX, z: ca.SX) -> tuple[tuple[int, ...], .
         through = ca.DM(ca.jacobian_sparsity(readings, z), 1.0).full() != 0
         pattern |= through.any(axis=1, keepdims=True)
     return tuple(tuple(int(k) for k in np.flatnonzero(row)) for row in pattern)
+
+
+def _felt(
+    plant: Plant, direct: tuple[tuple[int, ...], ...], readings: ca.SX, rates: ca.SX, x: ca.SX
+) -> tuple[tuple[int, ...], ...]:
+    """For each output the inputs that reach it at once, and those with `settling` that would if nothing lagged.
+
+    Who states for how long after a step an input is not to be judged means it beside a lag, too.
+    """
+    lags = {k for k, store in enumerate(plant.network.states) if store.lag}
+    settling = {k for k, item in enumerate(plant.graph.inputs) if item.settling > 0.0}
+    if not lags or not settling:
+        return direct
+    by_input, by_state = (_at_once(rates, what, plant.z) for what in (plant.u, x))
+    found = []
+    for own, states in zip(direct, _at_once(readings, x, plant.z), strict=True):
+        passed, reached = set[int](), lags & set(states)
+        while reached:
+            passed |= reached
+            reached = (lags & {k for n in reached for k in by_state[n]}) - passed
+        found.append(tuple(sorted({*own, *(settling & {k for n in passed for k in by_input[n]})})))
+    return tuple(found)
 
 
 def reference_inputs(plant: Plant) -> FloatArray:

@@ -73,7 +73,7 @@ def build_spec(model: StepModel) -> EngineSpec:
             _input(item, factor, acts=item.name in graph.acting_inputs)
             for item, factor in zip(graph.inputs, factors_of_inputs(plant), strict=True)
         ),
-        outputs=tuple(_output(item, model.direct[k], conditions, stores) for k, item in enumerate(graph.sensors)),
+        outputs=tuple(_output(item, model.felt[k], conditions, stores) for k, item in enumerate(graph.sensors)),
         loops=tuple(float(value) for value in model.reference_implicit),
         hypotheses=begun,
         reserve=reserve,
@@ -230,7 +230,7 @@ def _parameter(item: Parameter, settling: float) -> ParameterSpec:
 def _settling(model: StepModel, parameter: int) -> float:
     """Give how long an input settles of which a sensor tells at once, as it does of this parameter, s; 0: none does."""
     inputs = model.plant.graph.inputs
-    felt = zip(model.direct, model.of_parts, strict=True)
+    felt = zip(model.felt, model.of_parts, strict=True)
     return max((inputs[k].settling for known, parts in felt if parameter in parts for k in known), default=0.0)
 
 
