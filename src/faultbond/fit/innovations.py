@@ -39,9 +39,9 @@ class Watch:
     n_outputs): the sums up, down and of the scatter, see `fit.cusum`; height (N, n_outputs): the largest, as the
     monitor itself says where all is as declared; slow (N, n_slow): slow errors in their declared sizes. walk: how far a
     parameter walked at most, with everything as declared; 1: an alarm; walker: the parameter, -1: none was judged;
-    strayed (n_parameters,): how far each was from where it started, where none had walked farther. alone (N,
-    n_outputs): what the plant alone shows under the inputs, SI; ways (n_outputs, n_inputs): how far each output moves
-    on the whole where an input is a little larger, SI, which no controller turns round.
+    strayed (n_parameters,): how far each was from where it started, where none had walked farther. Where asked for:
+    alone (N, n_outputs): what the plant alone shows under the inputs, SI; ways (n_outputs, n_inputs): how far each
+    output moves on the whole where an input is a little larger, SI, which no controller turns round.
     """
 
     scores: FloatArray
@@ -77,7 +77,7 @@ class Taken:
 
 
 def watch_recording(
-    core: Core, record: HealthyRecording, variants: Sequence[Variant] = (Variant(),)
+    core: Core, record: HealthyRecording, variants: Sequence[Variant] = (Variant(),), *, alone: bool = False
 ) -> tuple[Watch, ...]:
     """Give what the detector sees of a recording, alarms or not, for each way to declare.
 
@@ -86,12 +86,13 @@ def watch_recording(
     core : of the model, as the monitor runs it
     record : the recording
     variants : what is declared otherwise
+    alone : whether it is asked for what the plant shows by itself; each input takes another run
     """
-    return watch_taken(core, (take_recording(core, record),), variants)[0]
+    return watch_taken(core, (take_recording(core, record),), variants, alone=alone)[0]
 
 
 def watch_taken(
-    core: Core, taken: Sequence[Taken], variants: Sequence[Variant] = (Variant(),)
+    core: Core, taken: Sequence[Taken], variants: Sequence[Variant] = (Variant(),), *, alone: bool = False
 ) -> tuple[tuple[Watch, ...], ...]:
     """Give what the detector sees of recordings that the monitor has taken, of each for each way to declare.
 
@@ -100,16 +101,17 @@ def watch_taken(
     spec, count = core.spec, max((item.count for item in taken), default=0)
     shape = (len(variants), len(taken), count, len(spec.outputs))
     scores, slow = np.full(shape, np.nan), np.full((*shape[:3], len(spec.slow_errors)), np.nan)
-    alone, ways = np.full(shape[1:], np.nan), list[FloatArray]()
+    shown, ways = np.full(shape[1:], np.nan), [np.zeros((0, 0))] * len(taken)
     use, forget, astray = np.zeros((3, *shape[1:]), dtype=bool)
     for r, item in enumerate(taken):
         first = item.count - len(item.rows)
         warm = first + spec.thresholds.warm_up_samples
         for k, variant in enumerate(variants):
             scores[k, r, first : item.count], slow[k, r, first : item.count] = _filtered(core, item, variant)
-        shown = _alone(core, item)
-        alone[r, first : item.count] = np.where(item.use, shown, np.nan)
-        ways.append(_ways(core, item, shown))
+        if alone:
+            by_itself = _alone(core, item)
+            shown[r, first : item.count] = np.where(item.use, by_itself, np.nan)
+            ways[r] = _ways(core, item, by_itself)
         scores[:, r, :warm], slow[:, r, :warm] = np.nan, np.nan
         use[r, first : item.count], astray[r, first : item.count] = item.use, item.astray[:, None]
         forget[r, first : item.count] = item.settling | item.astray[:, None]
@@ -132,7 +134,7 @@ def watch_taken(
                 walk=item.walk,
                 walker=item.walker,
                 strayed=item.strayed,
-                alone=alone[r, : item.count],
+                alone=shown[r, : item.count],
                 ways=ways[r],
             )
             for k, variant in enumerate(variants)

@@ -115,7 +115,8 @@ def on_trial(
     none = {"accuracy": not spec.parameters, "noise": False, "slow": not spec.slow_errors}
     tried = {(kind, factor): Variant(**{kind: factor}) for kind in KINDS if not none[kind] for factor in factors}
     variants = list(dict.fromkeys([Variant(), *tried.values()]))
-    seen = list(zip(*watch_taken(core, [take_recording(core, item) for item in records], variants), strict=True))
+    taken = [take_recording(core, item) for item in records]
+    seen = list(zip(*watch_taken(core, taken, variants, alone=True), strict=True))
     found = {variant: alarm_rates(spec, watches, step) for variant, watches in zip(variants, seen, strict=True)}
     trials = []
     for (kind, factor), variant in tried.items():

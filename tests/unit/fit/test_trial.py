@@ -158,7 +158,7 @@ def test_the_way_of_an_input_is_the_plants_own_whatever_drives_it() -> None:
     points = [Sample(time=t, dt=10.0, u=u, y=row) for t, u, row in zip(time.tolist(), inputs.values, y, strict=True)]
     built, core = build_model(graph), build_engine(graph)[1]
     record = healthy_recording("room", points, core)
-    (seen,) = watch_recording(core, record)
+    (seen,) = watch_recording(core, record, alone=True)
     gain = 0.9 * np.array([1.0 / 100.0, 1.0])  # on the whole, with 600 s until it is there, of 12000 s
     raised = A_LITTLE * inputs.values.max(axis=0)
     assert seen.ways[0] == pytest.approx(gain * raised, rel=0.1)
