@@ -1,8 +1,9 @@
 """`fit --until-quiet`: what a model leaves out is added until healthy recordings are as quiet as promised."""
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import inf
 
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
@@ -41,6 +42,7 @@ LOWERED = (1.0, 0.5, 0.25)  # parts of the way to what recordings say of slow er
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 
 Smallest = tuple[SmallestFault, ...]
+ByThen = Callable[[], Quieted]  # what was found, worked out where somebody asks for it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,14 +90,15 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
         asked_to = stop_of(stopped)
         if asked_to is None:
             raise
-        return replace(found, stopped=asked_to.number)
+        tell("working out what was found by then")
+        return replace(found(), stopped=asked_to.number)
     except Exception as error:
-        return replace(found, failed=error)
-    return found
+        return replace(found(), failed=error)
+    return found()
 
 
-def _steps(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Iterator[Quieted]:
-    """Give what is found by and by, each time all that there is to tell by then."""
+def _steps(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Iterator[ByThen]:
+    """Give what is found by and by, each time what works out all that there is to tell by then."""
     stated = graph.time_between_false_alarms is not None
     text, graph = promising(text, graph)
     promise = graph.time_between_false_alarms or MONTH
@@ -125,10 +128,10 @@ def _steps(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tel
             tell=tell,
         )
     except Halted as halted:
-        yield first(halted.fit())
+        yield _known(first(halted.fit()))
         raise
     now = first(found)
-    yield now
+    yield _known(now)
     tell("putting the first model on trial")
     now = replace(now, before=on_trial(core, (*records, *records_held), promise, factors=()))
     search = Search(
@@ -141,13 +144,13 @@ def _steps(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tel
         tell("raising what must be declared larger")
         attempt, raised = _raised(attempt, promise, tell)
         now = _tried(now, attempt, raised)
-        yield now
+        yield _known(now)
     attempt = lowered_if_quiet(attempt, tell)
     now = _tried(now, attempt, raised)
-    yield now
+    yield _known(now)
     tell("working out the smallest faults before and after")
     before, after = _smallest([(graph, core), (attempt.graph, attempt.core)], attempt.records)
-    yield replace(now, smallest_before=before, smallest_after=after)
+    yield _known(replace(now, smallest_before=before, smallest_after=after))
 
 
 def _tried(now: Quieted, attempt: Attempt, raised: tuple[Resized, ...] = ()) -> Quieted:
@@ -185,7 +188,7 @@ def _searched(
     read: Recordings,
     wishes: FitWishes,
     tell: Tell,
-) -> Generator[Quieted, None, tuple[Attempt, Quieted]]:
+) -> Generator[ByThen, None, tuple[Attempt, Quieted]]:
     """Add one thing after the other until it is quiet, or nothing gains; return the model on trial, and what is found.
 
     Yields what is found after each step.
@@ -209,23 +212,23 @@ def _searched(
         new, gain = better.added[len(stand.added) :], better.held - stand.held
         tell(f"added: {', '.join(item.what.words for item in new)}; what was held back gains {gain:.0f} nats")
         stand, tried = search.lasting(better), None
-        now = replace(_as_it_stands(search, stand, now, text, graph, prior), rounds=rounds + 1)
-        yield now
+        now = replace(now, added=stand.added, rounds=rounds + 1)
+        yield partial(_as_it_stands, stand, now, text, graph, prior)
     if tried is not None:
         return tried, now
     return (yield from _attempt(stand, now, text, graph, read, wishes, search.believed, tell))
 
 
-def _as_it_stands(search: Search, stand: Footing, now: Quieted, text: str, graph: BondGraph, prior: Prior) -> Quieted:
-    """Give what is found with a model as the search has it, neither fitted to all recordings nor put on trial.
-
-    It is made ahead: an engine takes longer to build than somebody waits who stops the search.
-    """
+def _as_it_stands(stand: Footing, now: Quieted, text: str, graph: BondGraph, prior: Prior) -> Quieted:
+    """Give what is found with a model as the search has it, neither fitted to all recordings nor put on trial."""
     with_added = amended_text(text, graph, stand.added)
-    first = parse_model(with_added, file=graph.file)
-    fitted = _fitted(first, graph, search.fit_of(first, stand, prior), now)
+    fitted = _fitted(parse_model(with_added, file=graph.file), graph, stand.fit(prior), now)
     written = fitted.model_text(with_added)
-    return replace(now, fitted=fitted, text=written, added=stand.added, raised=(), lowered=(), health=None, alarms={})
+    return replace(now, fitted=fitted, text=written, raised=(), lowered=(), health=None, alarms={})
+
+
+def _known(now: Quieted) -> ByThen:
+    return lambda: now
 
 
 def _fitted(graph: BondGraph, stated: BondGraph, found: Fit, now: Quieted) -> Fitted:
@@ -280,7 +283,7 @@ def _attempt(
     wishes: FitWishes,
     believed: frozenset[str],
     tell: Tell,
-) -> Generator[Quieted, None, tuple[Attempt, Quieted]]:
+) -> Generator[ByThen, None, tuple[Attempt, Quieted]]:
     """Write what was found into the model, fit that to all recordings, and put it on trial.
 
     believed : parameters whose declared accuracies count, since it was found what made them stray
@@ -307,12 +310,12 @@ def _attempt(
     )
     fitted = _fitted(first, graph, found, now)
     now = replace(now, fitted=fitted, text=fitted.model_text(with_added), raised=(), lowered=(), health=None, alarms={})
-    yield now
+    yield _known(now)
     tell("asking how far parameters seem to move while healthy")
     fitted = replace(fitted, healthy_changes=healthy_changes(core, found.records, fitted.believed))
     attempt = apart_if_quieter(put_on_trial(fitted.model_text(with_added), fitted, read, tell), with_added, tell)
     now = _tried(now, attempt)
-    yield now
+    yield _known(now)
     return attempt, now
 
 

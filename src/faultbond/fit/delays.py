@@ -31,7 +31,9 @@ def late_ones(stand: Footing, records: Sequence[HealthyRecording]) -> list[tuple
         gain = _gone_with(stand, records, k)
         found += [(item, gain) for item in _ways(known)]
     most = max((gain for _, gain in found), default=0.0)
-    found += [(item, most) for item in _limits(stand.graph, records)]
+    limits = tuple(_limits(stand.graph, records))  # where one is asked for, so is the lag that it has in it
+    found = [(item, most if any(other.is_more_than(item) for other in limits) else gain) for item, gain in found]
+    found += [(item, most) for item in limits]
     return sorted(found, key=lambda item: item[1], reverse=True)
 
 

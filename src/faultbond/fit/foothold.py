@@ -1,11 +1,12 @@
 """Where a search for imperfections stands: the plant as it is by now, and what was added to it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from faultbond.arrays import FloatArray
+from faultbond.fit.identification import Fit, Prior
 from faultbond.fit.imperfections import Imperfection, Kind, kind_of
 from faultbond.fit.objective import FittedPlant
 from faultbond.fit.outcome import LEAST_ACCURACY
@@ -33,21 +34,29 @@ class Added:
         return self.what.is_slow and other.what.is_definite and other.trained >= part * self.trained
 
 
+def _not_fitted(prior: Prior) -> Fit:
+    raise LookupError(f"no climb has led there, so nothing is known of it with {prior}")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Footing:
     """Where the search stands.
 
     graph : noise of sensors and imperfections as found; values : of the parameters by name, SI
+    slow : how large slow errors are found that the model declares, by what they are of and whether they are parts of
+    it; in `graph` they are as declared
     starts : of the recordings that are fitted, by the name of the state or of a recording's own parameter
     innovations, expected : of the recordings that are fitted, (N, n_outputs) each; in standard deviations, and SI
     ways : how far each output moves on the whole where an input is a little larger, (n_outputs, n_inputs), SI
     trained, few, held : logarithms of the likelihood of recordings fitted, of the few that compare, and held back
     unknown : mean logarithm of the standard errors of the parameters
+    fit : gives what the recordings that are fitted say of it, with all that was added as it stands
     """
 
     graph: BondGraph
     values: Mapping[str, float]
     starts: Mapping[str, FloatArray]
+    slow: Mapping[tuple[str, bool], float] = field(default_factory=dict)
     trained: float = 0.0
     few: float = 0.0
     held: float = 0.0
@@ -55,6 +64,7 @@ class Footing:
     innovations: tuple[FloatArray, ...] = ()
     expected: tuple[FloatArray, ...] = ()
     ways: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    fit: Callable[[Prior], Fit] = _not_fitted
     added: tuple[Added, ...] = ()
 
 

@@ -35,16 +35,18 @@ def better(search: Search, stand: Footing) -> Footing | None:
     if not (tried := worth_fitting(search, stand)):
         return None
     search.tell(f"fitting {', '.join(item.words for _, item, _ in tried)}")
-    found = [ground.climbed(stand, item, few=True) for ground, item, _ in tried]
-    gained = [item.held - stand.held if np.isfinite(item.held) else -np.inf for item in found]
-    most = max(gained, default=-np.inf)
+    climbed = [ground.climbed(stand, item, few=True) for ground, item, _ in tried]
+    gains = [item.held - stand.held if np.isfinite(item.held) else -np.inf for item in climbed]
+    most = max(gains, default=-np.inf)
     if not most >= WORTH:
         return None
-    near = [item for item, gain in zip(found, gained, strict=True) if gain >= most - max(FEWEST, CLOSE * most)]
+    given = plainest([(item.added[-1].what, gain) for item, gain in zip(climbed, gains, strict=True)])
+    found = [item for item in climbed if item.added[-1].what in given]
+    near = [item for item in found if item.held - stand.held >= most - _as_good(most)]
     plain = [item for item in near if item.added[-1].what.kind is not Kind.RATE_LIMIT]  # which has a lag in it
     best = _own_instead(stand, min(plain or near, key=lambda item: item.unknown), found)
     hidden = [item for item in found if best.added[-1].may_have(item.added[-1], WORTHY)]
-    worth = {item.added[-1].what.key for item, gain in zip(found, gained, strict=True) if gain >= WORTH}
+    worth = {item.added[-1].what.key for item, gain in zip(climbed, gains, strict=True) if gain >= WORTH}
     worth |= {item.added[-1].what.key for item in hidden}
     for _, what, promised in tried:
         if what.key not in worth:  # in no way in which it was tried
@@ -63,6 +65,20 @@ def better(search: Search, stand: Footing) -> Footing | None:
     alike = tuple(what for key, what in good.items() if key != best.added[-1].what.key)
     alone = added_together(search, stand, [replace(best.added[-1], alike=alike)])
     return alone if alone.held - stand.held >= WORTH else None  # it may have gained by other values of parameters
+
+
+def plainest(asked: Sequence[tuple[Imperfection, float]]) -> dict[Imperfection, float]:
+    """Give what explains something, with its gain, nats, but what is more than another that explains as much."""
+    return {
+        item: gain
+        for item, gain in asked
+        if not any(item.is_more_than(other) and least >= gain - _as_good(gain) for other, least in asked)
+    }
+
+
+def _as_good(most: float) -> float:
+    """Give by how many nats something may gain less than the most and be as good."""
+    return max(FEWEST, CLOSE * most)
 
 
 def _own_instead(stand: Footing, best: Footing, found: Sequence[Footing]) -> Footing:
@@ -97,16 +113,21 @@ def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfec
     """
     slow = [item for item in search.profile(stand) if item[1] > 0.0][:TRIED]
     slow = [item for item in slow if item[1] >= PROMISING * slow[0][1]]
-    lags = [item for item, gain in late_ones(stand, search.trained) if gain > HINT and _is_new(search, stand, item)]
+    hints = {item: gain for item, gain in late_ones(stand, search.trained) if gain > HINT}
+    lags = [item for item, gain in hints.items() if _is_new(search, stand, item, gain)]
     between = [
         item for item in other_holds(stand, search.trained, search.all.model.direct) if item.key not in search.refused
     ]
     orders = [item for item in lags if item.kind is Kind.ORDER]
-    late = _weighed(search, stand, [item for item in (*lags, *between[:1]) if item not in orders[TRIED:]])
-    late = list({item.key: (item, gain) for item, gain in sorted(late, key=lambda one: one[1])}.values())
-    likely = _likeliest(search, late)
-    staged = [replace(item, order=STAGES) for item, _ in likely if item.kind is Kind.LAG][:1]
-    likely += _likeliest(search, _weighed(search, stand, staged))
+    asked = [item for item in (*lags, *between[:1]) if item not in orders[TRIED:]]
+    late = _weighed(search, stand, asked)
+    search.idle |= {item: hints[item] for item, _, gain in late if item in hints and gain < FEWEST}
+    best = {item.key: (item, gain) for _, item, gain in sorted(late, key=lambda one: one[2])}
+    likely = _likeliest(search, list(plainest(list(best.values())).items()))
+    long = [item for item, _ in likely if item.kind is Kind.LAG and item.size > search.step]
+    staged = _weighed(search, stand, [replace(item, order=STAGES) for item in long[:1]])
+    likely += _likeliest(search, [(item, gain) for _, item, gain in staged])
+    likely = list(plainest(likely).items())
     tried = [(search.ground_with(stand, (item,)), item, gain) for item, gain in likely]
     for like in (_likeliest(search, search.curves(stand)), slow):
         if like:
@@ -115,13 +136,18 @@ def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfec
     return tried
 
 
-def _weighed(search: Search, stand: Footing, asked: Sequence[Imperfection]) -> list[tuple[Imperfection, float]]:
-    """Give lags and their like as they explain most with all else as it stands, and what that gains, nats."""
+def _weighed(
+    search: Search, stand: Footing, asked: Sequence[Imperfection]
+) -> list[tuple[Imperfection, Imperfection, float]]:
+    """Give lags and their like as they are asked, as they explain most with all else as it stands, and what that gains.
+
+    The gain in nats.
+    """
     grounds = []
     for item in asked:
         with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
             grounds.append((search.ground_with(stand, (item,), slopes=False), item))
-    return [ground.best_late(stand, item) for ground, item in grounds]
+    return [(item, *ground.best_late(stand, item)) for ground, item in grounds]
 
 
 def _likeliest(search: Search, asked: Sequence[tuple[Imperfection, float]]) -> list[tuple[Imperfection, float]]:
@@ -132,11 +158,15 @@ def _likeliest(search: Search, asked: Sequence[tuple[Imperfection, float]]) -> l
     return sorted(found, key=lambda item: item[1], reverse=True)[:TRIED]
 
 
-def _is_new(search: Search, stand: Footing, lag: Imperfection) -> bool:
-    """Tell whether a lag or its like is to be asked for; a highest rate, of any command, is so until it is in vain."""
+def _is_new(search: Search, stand: Footing, lag: Imperfection, hint: float) -> bool:
+    """Tell whether a lag or its like is to be asked for, that seems to gain by so many nats.
+
+    A highest rate, of any command, is so until it is in vain; what has gained nothing where less spoke for it is not.
+    """
     is_new = lag.kind is Kind.ORDER or parameter_name(lag) not in stand.values
     most = 0.0 if lag.kind is Kind.RATE_LIMIT else np.inf
-    return is_new and not search.refused.get(lag.key, -np.inf) >= most
+    is_idle = hint <= AGAIN * search.idle.get(lag, -np.inf)
+    return is_new and not is_idle and not search.refused.get(lag.key, -np.inf) >= most
 
 
 def _joint(search: Search, stand: Footing, best: Footing, others: Sequence[Footing]) -> Footing | None:

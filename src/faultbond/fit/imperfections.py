@@ -115,6 +115,12 @@ class Imperfection:
         """Whether it says what happens, and not only how far something may be off."""
         return self.is_late or self.kind is Kind.CURVE
 
+    def is_more_than(self, other: "Imperfection") -> bool:
+        """Tell whether it is a lag in more stages than the other, of the same place, or a rate limit, which has one."""
+        if self.place != other.place or other.kind is not Kind.LAG:
+            return False
+        return self.kind is Kind.RATE_LIMIT or (self.kind is Kind.LAG and self.order > other.order)
+
     @property
     def words(self) -> str:
         """What it is, without its size."""

@@ -10,6 +10,7 @@ number: what is missing is asked for with it held inside, and is kept where it e
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -24,7 +25,7 @@ from faultbond.fit.curves import likeliest_curves, movers_of, possible_curves, p
 from faultbond.fit.delays import in_a_loop
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
 from faultbond.fit.foothold import Added, Footing, in_time, keys_of, values_at, with_noise, with_orders
-from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit, Prior, fit_at
+from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit, fit_at
 from faultbond.fit.imperfections import (
     FORMS,
     UNTRIED,
@@ -120,6 +121,9 @@ class Search:
         self.laws = {name: law for name, law in laws_of_signals(model).items() if name in asked}
         self.possible = possible(graph, signals, len(model.states))
         self.refused: dict[tuple[Kind, str], float] = {}  # what was tried in vain, and the nats it seemed to gain then
+        self.idle: dict[
+            Imperfection, float
+        ] = {}  # lags and their like that gained nothing, and what they seemed to then
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
         self.inside: frozenset[str] = frozenset()  # parameters that are kept from straying
         self.believed: frozenset[str] = frozenset()  # those of which it is known what made them stray
@@ -152,15 +156,6 @@ class Search:
         )
         self._leave_out_wild(ground, stand)
         return ground.climbed(stand)
-
-    def fit_of(self, graph: BondGraph, stand: Footing, prior: Prior) -> Fit:
-        """Give what the recordings that are fitted say of a plant with all that was found, as it stands."""
-        ground = self.ground(graph)
-        q = ground.q_of(stand)
-        plant, begin = ground.plant(q), ground.begin_of(self.trained, self.begin)
-        values = np.clip(values_at(plant, q), plant.unknowns.lower, plant.unknowns.upper)
-        point = replace(begin, values=values, starts=ground.starts_of(stand))
-        return fit_at(plant, self.trained, begin, point, prior)
 
     def _leave_out_wild(self, ground: "Ground", stand: Footing) -> None:
         """Leave out readings of what is held back that lie far off, if they are few, as the fit has left out others."""
@@ -387,6 +382,8 @@ class Ground:
     def gains_of(self, stand: Footing, tried: Sequence[Imperfection]) -> FloatArray:
         """Give what each of some imperfections would gain, nats, with all else as it stands, (n,)."""
         q, starts = self.q_of(stand), self.starts_of(stand)[: len(self.search.few)]
+        for k, error in enumerate(self.graph.slow_errors, start=self.layout.first_noise + self.layout.n_y):
+            q[k] = np.log(stand.slow.get((error.target, error.relative), np.exp(q[k])))
         declared = np.array([self.with_one(q, item) for item in tried])
         return likelihoods(self.plant(q), self.search.few, starts, declared) - stand.few
 
@@ -519,12 +516,14 @@ class Ground:
         n_theta = len([item for item in search.parameters if item[1].name not in search.own])
         unknown = float(np.mean(np.log(np.maximum(spread[:n_theta], 1e-300)))) / 2.0 if n_theta else 0.0
         by_key = {item.key: item for item in sizes}
+        errors = enumerate(search.graph.slow_errors, start=layout.first_noise + layout.n_y)
         values = {}
         for item, factor in zip(self.graph.parameters, q[: layout.n_p].tolist(), strict=True):
             values[item.name] = factor * item.scale
         return Footing(
             graph=with_imperfections(with_noise(stand.graph, noise), sizes),
             values=values,
+            slow={(item.target, item.relative): float(np.exp(q[k])) for k, item in errors},
             starts=dict(zip(self.columns, summit.point.starts.T, strict=True)),
             trained=summit.evaluation.value,
             held=held if np.isfinite(summit.evaluation.value) else -np.inf,
@@ -534,14 +533,18 @@ class Ground:
 
     def _seen(self, stood: Footing, q: FloatArray, summit: Summit) -> Footing:
         """Give a footing with what each recording shows there."""
-        known, point = all_known(self.plant(q), q), replace(summit.point, values=np.zeros(0))
-        seen = score_recordings(known, self.search.trained, point)
+        plant, trained = self.plant(q), self.search.trained
+        known, point = all_known(plant, q), replace(summit.point, values=np.zeros(0))
+        seen = score_recordings(known, trained, point)
+        begin = self.begin_of(trained, self.search.begin)
+        values = np.clip(values_at(plant, q), plant.unknowns.lower, plant.unknowns.upper)
         return replace(
             stood,
             innovations=tuple(item.standardised for item in seen),
-            expected=tuple(x.y - item.innovations for x, item in zip(self.search.trained, seen, strict=True)),
+            expected=tuple(x.y - item.innovations for x, item in zip(trained, seen, strict=True)),
             ways=ways_of(known, self.search.few, point),
             few=sum(item.value for item in seen[: len(self.search.few)]),
+            fit=partial(fit_at, replace(plant, base=q), trained, begin, replace(summit.point, values=values)),
         )
 
     def usual(self, record: HealthyRecording, start: FloatArray, q: FloatArray) -> dict[str, float]:

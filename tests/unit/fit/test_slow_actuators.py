@@ -12,9 +12,10 @@ import pytest
 
 from faultbond.app import quiet_fit
 from faultbond.cli import DONE, main
-from faultbond.fit import further, quiet_search
+from faultbond.fit import delays, further, quiet_search
 from faultbond.fit.delays import late_ones
 from faultbond.fit.foothold import Added, Footing, with_orders
+from faultbond.fit.further import plainest
 from faultbond.fit.imperfections import Imperfection, Kind, found_in, lag_of, with_imperfections, without_lag
 from faultbond.fit.likelihood import layout_of, nominal_q
 from faultbond.fit.quiet_search import NO_LAG, Search
@@ -163,6 +164,37 @@ def test_a_lag_is_refused_where_it_is_in_vain_in_one_stage_and_in_several(monkey
     assert "in 4 stages" in staged.words
 
 
+def test_of_ways_to_come_behind_the_plainest_is_kept_that_explains_as_much(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though parameters are better known with several stages, which all are followed by whoever watches."""
+    staged, other = replace(LAG, order=4), replace(LAG, place="i", is_sensor=True)
+    assert chosen([(LAG, 990.0), (staged, 1000.0)], monkeypatch)[1].added[0].what == LAG
+    assert chosen([(LAG, 900.0), (staged, 1000.0)], monkeypatch)[1].added[0].what == staged
+    given = [(LAG, 20.0), (staged, 24.0), (LIMIT, 24.0), (replace(other, order=4), 24.0), (other, 15.0)]
+    assert plainest(given) == {LAG: 20.0, replace(other, order=4): 24.0, other: 15.0}
+
+
+@pytest.mark.parametrize(("size", "stages"), [(0.9, 1), (1.1, 4)])
+def test_stages_are_asked_for_where_a_lag_is_longer_than_a_sample(
+    size: float, stages: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Within one nobody sees them."""
+    asked = list[Imperfection]()
+
+    def weighed(_: object, __: object, items: Sequence[Imperfection]) -> list[tuple[Imperfection, Imperfection, float]]:
+        asked.extend(items)
+        return [(item, replace(item, size=size), 100.0) for item in items]
+
+    search = SimpleNamespace(
+        step=1.0, trained=(), refused={}, idle={}, all=SimpleNamespace(model=SimpleNamespace(direct=())),
+        profile=lambda _: [], curves=lambda _: [], ground_with=lambda *_: None,
+    )  # fmt: skip
+    monkeypatch.setattr(further, "late_ones", lambda *_: [(LAG, 100.0)])
+    monkeypatch.setattr(further, "other_holds", lambda *_: [])
+    monkeypatch.setattr(further, "_weighed", weighed)
+    further.worth_fitting(cast("Any", search), Footing(graph=parse_model(MODEL), values={}, starts={}))
+    assert max(item.order for item in asked) == stages
+
+
 def test_what_is_added_says_the_order_of_its_lag() -> None:
     """An order that is found after the lag is part of it, with what both gained; one of a declared lag stands alone."""
     lag = Added(what=Imperfection(kind=Kind.LAG, place="i", size=0.3), trained=5.0, held=4.0)
@@ -178,13 +210,18 @@ def test_what_is_added_says_the_order_of_its_lag() -> None:
     assert plain.sensors[0].lag == ""
 
 
-def proposed(text: str, values: Sequence[float]) -> set[tuple[Kind, str, float]]:
-    """Give what may come behind, of a model and a recording of its input."""
+def promised(text: str, values: Sequence[float]) -> dict[Imperfection, float]:
+    """Give what may come behind, with what it seems to explain, of a model and a recording of its input."""
     record = SimpleNamespace(u=np.asarray(values)[:, None], time=0.5 * np.arange(float(len(values))))
     off = np.zeros((len(values), 1))
     graph = parse_model(text)
-    stand = SimpleNamespace(graph=graph, innovations=(off,), expected=(off,))
-    return {(item.kind, item.place, item.size) for item, _ in late_ones(cast("Any", stand), cast("Any", (record,)))}
+    stand = SimpleNamespace(graph=graph, innovations=(off,), expected=(off + np.asarray(values)[:, None],))
+    return dict(late_ones(cast("Any", stand), cast("Any", (record,))))
+
+
+def proposed(text: str, values: Sequence[float]) -> set[tuple[Kind, str, float]]:
+    """Give what may come behind: kind, of what, and how large."""
+    return {(item.kind, item.place, item.size) for item in promised(text, values)}
 
 
 def test_commands_may_have_a_highest_rate() -> None:
@@ -196,6 +233,18 @@ def test_commands_may_have_a_highest_rate() -> None:
     assert limit not in proposed(stated, [0.0] * 10 + [3.0] * 10)
     stated = MODEL.replace("{unit: V}", "{unit: V, lag: 1 s, rate_limit: 2 V/s}")
     assert limit[0] not in {kind for kind, *_ in proposed(stated, [0.0] * 10 + [3.0] * 10)}
+
+
+def test_a_command_is_asked_for_a_lag_where_it_is_for_a_highest_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its lag may not show by itself; but where nobody asks for it a rate limit, which has one in it, stands for it."""
+    monkeypatch.setattr(delays, "explained", lambda *_: 100.0)
+    monkeypatch.setattr(delays, "_gone_with", lambda *_: 1.0)
+    found = promised(MODEL, [0.0] * 10 + [3.0] * 10)
+    assert {(item.kind, item.place): x for item, x in found.items()} == {
+        (Kind.LAG, "i"): 100.0,
+        (Kind.LAG, "V"): 100.0,
+        (Kind.RATE_LIMIT, "V"): 100.0,
+    }
 
 
 def test_what_lags_may_do_so_in_other_stages() -> None:

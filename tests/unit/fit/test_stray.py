@@ -341,7 +341,6 @@ def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest
     monkeypatch.setattr(quiet_fit, "_seems_quiet", lambda *_: True)
     monkeypatch.setattr(quiet_fit, "_cured", lambda *_, again: cures.pop(0) if again else None)
     monkeypatch.setattr(quiet_fit, "_attempt", attempt)
-    monkeypatch.setattr(quiet_fit, "_as_it_stands", lambda _, stand, now, *more: now)
     search = SimpleNamespace(lasting=lambda stand: stand, believed=frozenset())
     now = Quieted(fitted=cast(Any, None), text="", held=(), stated=True, promise=1.0)
     wishes = SimpleNamespace(prior="declared")
