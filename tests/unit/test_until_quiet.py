@@ -420,6 +420,23 @@ def test_a_lag_that_was_tried_in_vain_is_tried_once_more_where_it_promises_more(
     assert [item[1:] for item in further.worth_fitting(search, stand)] == ([(lag, gain)] if is_tried else [])
 
 
+@pytest.mark.parametrize(("refused", "is_tried"), [(3.9, True), (4.1, False)])
+def test_a_slow_error_that_was_tried_in_vain_is_so_once_more_where_it_promises_more(
+    refused: float, is_tried: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a lag: each climb costs as much as all that is asked."""
+    slow, graph = Imperfection(kind=Kind.ABSOLUTE, place="i", is_sensor=True), parse_model(MODEL, file="m.yaml")
+    search, stand = bare_search(), Footing(graph=graph, values={}, starts={})
+    search.trained, search.all = (), cast("Any", SimpleNamespace(model=SimpleNamespace(direct=())))
+    search.refused = {slow.key: refused}
+    monkeypatch.setattr(Search, "profile", lambda *_: [(slow, 8.0)])
+    monkeypatch.setattr(Search, "curves", lambda *_: [])
+    monkeypatch.setattr(Search, "ground_with", lambda *_, **__: None)
+    monkeypatch.setattr(further, "late_ones", lambda *_: [])
+    monkeypatch.setattr(further, "other_holds", lambda *_: [])
+    assert [item[1] for item in further.worth_fitting(search, stand)] == [slow] * is_tried
+
+
 def test_a_lag_that_gained_nothing_is_asked_for_again_where_more_speaks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """To ask takes a filter of its own; twice as much as when it was in vain is more."""
     lag, graph = Imperfection(kind=Kind.LAG, place="i"), parse_model(MODEL, file="m.yaml")

@@ -305,6 +305,7 @@ def _attempt(
         believed=believed,
         starts=1,
         settled=SETTLED,
+        shaken=False,  # the search has climbed there
         seed=wishes.seed,
         tell=lambda step: tell(f"{what}: {step}"),
     )

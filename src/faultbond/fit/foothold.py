@@ -113,9 +113,8 @@ def keys_of(graph: BondGraph) -> set[tuple[Kind, str]]:
 
 
 def values_of(plant: FittedPlant, stand: Footing) -> FloatArray:
-    """Give the unknowns (n,) of another fit of the same plant, with parameters and noise of sensors as they stand."""
-    q, first = plant.base.copy(), plant.layout.first_noise
-    q[first : first + plant.layout.n_y] = np.log([item.noise for item in stand.graph.sensors])
+    """Give the unknowns (n,) of another fit of the same plant, with parameters as they stand."""
+    q = plant.base.copy()
     for place, item in zip(plant.unknowns.places, plant.unknowns.parameters, strict=False):
         q[place] = stand.values.get(item.name, item.nominal) / item.scale
     return np.clip(values_at(plant, q), plant.unknowns.lower, plant.unknowns.upper)

@@ -108,11 +108,9 @@ def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfec
     """Give what is worth to be fitted, each with a plant that may have it and its gain with the rest as it is.
 
     Slow errors, lags and curves are weighed among their like: a slow error takes at once what a lag does with others
-    only. A lag or a curve that was tried in vain is tried once more where it promises more than then: something else is
-    there now.
+    only. What was tried in vain is tried once more where it promises more than then: something else is there now.
     """
-    slow = [item for item in search.profile(stand) if item[1] > 0.0][:TRIED]
-    slow = [item for item in slow if item[1] >= PROMISING * slow[0][1]]
+    slow = _likeliest(search, [item for item in search.profile(stand) if item[1] > 0.0])
     hints = {item: gain for item, gain in late_ones(stand, search.trained) if gain > HINT}
     lags = [item for item, gain in hints.items() if _is_new(search, stand, item, gain)]
     between = [

@@ -113,6 +113,7 @@ def fit_plant(
     starts: int = 4,
     agreeing: int | None = None,
     settled: float = SETTLED,
+    shaken: bool = True,
     seed: int = 0,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Fit:
@@ -128,6 +129,7 @@ def fit_plant(
     starts : how many starts the search has, the nominal values among them
     agreeing : the search ends where so many of them have ended at the same best values; None: all are tried
     settled : nats that the next step would still bring where a climb ends
+    shaken : whether it goes on from places around where a climb is stuck
     seed : of the other starts
     tell : takes what is being done
 
@@ -146,7 +148,8 @@ def fit_plant(
         raise NoVerdictError(
             f"{names}: {readings} readings can be used, and {unknown} values are to be found; give a longer recording"
         )
-    climbs = _climbs(plant, records, begin, starts, agreeing or starts, settled, seed, tell)
+    turns = None if shaken else TURNS
+    climbs = _climbs(plant, records, begin, starts, agreeing or starts, settled, turns, seed, tell)
     reached = next(climbs)
     try:
         for further in climbs:
@@ -154,7 +157,7 @@ def fit_plant(
         records, best = _without_wild(plant, records, reached.best, settled, tell)
         tell("weighing the declared accuracies")
         told = _steps(tell, "weighing the declared accuracies")
-        best, widths = _weigh(plant, records, begin, best, prior, believed, settled, told)
+        best, widths = _weigh(plant, records, begin, best, prior, believed, settled, turns, told)
         tell("asking how sure they are")
         return _fit(plant, records, begin, best, prior, np.maximum(widths, 1.0), reached)
     except KeyboardInterrupt as stopped:
@@ -245,6 +248,7 @@ def _climbs(
     starts: int,
     agreeing: int,
     settled: float,
+    turns: int | None,
     seed: int,
     tell: Callable[[str], None],
 ) -> Iterator[Reached]:
@@ -259,7 +263,8 @@ def _climbs(
         values[: unknowns.n_theta] += START_SPREAD * rng.standard_normal(unknowns.n_theta) if k else 0.0
         point = replace(begin, values=np.clip(values, unknowns.lower, unknowns.upper)) if k else begin
         point = spread_noise(plant, records, point)
-        summits.append(ascend(plant, records, point, prior, settled=settled, tell=_steps(tell, start)))
+        told = _steps(tell, start)
+        summits.append(ascend(plant, records, point, prior, turns=turns, settled=settled, tell=told))
         best = max(summits, key=lambda item: item.posterior)
         if np.isfinite(best.posterior):
             alike = sum(item.posterior > best.posterior - ALIKE for item in summits)
@@ -320,6 +325,7 @@ def _weigh(
     prior: Prior,
     believed: frozenset[str],
     settled: float,
+    turns: int | None,
     tell: Callable[[str], None],
 ) -> tuple[Summit, FloatArray]:
     """Climb on with the declared accuracies, as wide as the data ask; give the summit and the factors."""
@@ -345,7 +351,7 @@ def _weigh(
     rounds = 1 if prior is Prior.DECLARED else ROUNDS
     for k in range(rounds):
         wide, each = unknowns.widened(widths), _after(tell, f", round {k + 1} of at most {rounds}")
-        turns = TURNS if k else None  # places around were tried, and the widths hardly change any more
+        turns = TURNS if k else turns  # places around were tried, and the widths hardly change any more
         best = ascend(plant, records, best.point, wide, anchor=begin.starts, turns=turns, settled=settled, tell=each)
         away = ((best.point.values - unknowns.nominal)[:n] / accuracies) ** 2
         left = np.diag(np.linalg.inv(best.precision))[:n] / (widths * accuracies) ** 2

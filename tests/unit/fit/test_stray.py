@@ -16,7 +16,8 @@ from faultbond.app.identification import read_points
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.app.quiet_fit import _next
 from faultbond.cli import DONE, main
-from faultbond.fit import cure
+from faultbond.fit import cure, identification
+from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.cure import cured, strayed
 from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.identification import Fit, fit_plant
@@ -141,6 +142,26 @@ def test_what_stays_inside_is_not_doubtful(recording: Path) -> None:
     assert found["strayed"] == []
     assert "DOUBTFUL" not in new.read_text(encoding="utf-8")
     assert fitted(recording, "2 ohm", "--prior", "none")[0]["strayed"] == []
+
+
+@pytest.mark.parametrize("shaken", [True, False])
+def test_places_around_are_left_alone_where_a_search_has_climbed(
+    shaken: bool, recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a fold each of them costs as many steps as the climb itself."""
+    graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
+    core, model = build_watcher(graph), build_model(graph)
+    read = [("a", read_points(graph, str(recording)))]
+    plant, records, begin = build_fit(model, likelihood_engine(model), core, read, free_parameters(graph))
+    climb, turns = ascend, list[object]()
+
+    def climbed(*words: Any, **options: Any) -> Summit:
+        turns.append(options["turns"])
+        return climb(*words, **options)
+
+    monkeypatch.setattr(identification, "ascend", climbed)
+    fit_plant(plant, records, begin, starts=1, shaken=shaken)
+    assert (None in turns) is shaken
 
 
 def test_an_accuracy_that_is_believed_is_not_widened(recording: Path) -> None:
