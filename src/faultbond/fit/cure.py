@@ -29,9 +29,8 @@ def cured(search: Search, stand: Footing) -> Footing | None:
     search.tell(f"asking what else it may be that puts {', '.join(sorted(names))} far from what was declared")
     search.inside, refused = names, dict(search.refused)
     held = search.ground(stand.graph).climbed(stand)
-    further = (
-        better(search, held) if np.isfinite(held.trained) else None
-    )  # the plant may have no course with them there
+    runs = np.isfinite([held.trained, held.held]).all()  # the plant may have no course with them there
+    further = better(search, held) if runs else None
     search.inside, search.refused = frozenset(), refused
     if further is None:
         return None

@@ -23,7 +23,7 @@ from faultbond.fit.ascent import Summit, ascend
 from faultbond.fit.certainty import inverse_of
 from faultbond.fit.curves import likeliest_curves, movers_of, possible_curves, powers_of
 from faultbond.fit.delays import in_a_loop
-from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
+from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, evidence_of, foretold, joint_courses, likelihoods
 from faultbond.fit.foothold import Added, Footing, in_time, keys_of, values_at, with_noise, with_orders
 from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit, fit_at
 from faultbond.fit.imperfections import (
@@ -160,7 +160,7 @@ class Search:
     def _leave_out_wild(self, ground: "Ground", stand: Footing) -> None:
         """Leave out readings of what is held back that lie far off, if they are few, as the fit has left out others."""
         q = ground.q_of(stand)
-        seen = ground.seen(self.held, ground.begin_of(self.held, self.begin_held), q)
+        seen = foretold(ground.plant(q), self.held, ground.begin_of(self.held, self.begin_held), q)
         far = [np.abs(item.standardised) > WILD for item in seen]
         if sum(int(item.sum()) for item in far) <= FEW_WILD * sum(item.readings for item in self.held):
             self.held = tuple(item.without(wild) for item, wild in zip(self.held, far, strict=True))
@@ -359,12 +359,6 @@ class Ground:
                 begin[:, column] = stand.starts[name]
         return begin
 
-    def seen(self, records: Sequence[HealthyRecording], begin: FitPoint, q: FloatArray) -> tuple[Scored, ...]:
-        """Give what recordings show with all numbers q (n_q,) known but where they start."""
-        plant = self.plant(q)
-        summit = foretold(plant, records, begin, q)
-        return score_recordings(all_known(plant, q), records, summit.point)
-
     def best_late(self, stand: Footing, item: Imperfection) -> tuple[Imperfection, float]:
         """Give a lag, a rate limit or a form with what explains most with all else as it stands, and the gain, nats."""
         tried = [item]
@@ -496,8 +490,10 @@ class Ground:
         summit = ascend(plant, records, begin, wide, anchor=known.starts, turns=TURNS, settled=CLOSE_ENOUGH)
         found = unknowns.fill(plant.base, summit.point.values)[0]
         ahead = foretold(plant, search.held, self.begin_of(search.held, search.begin_held), found)
-        stood = self._stood(stand, opened, found, summit, ahead.evaluation.value)
-        stood = replace(stood, few=stood.trained) if few else self._seen(stood, found, summit)
+        stood = self._stood(stand, opened, found, summit, evidence_of(ahead))
+        seen = score_recordings(all_known(plant, found), records, replace(summit.point, values=np.zeros(0)))
+        stood = replace(stood, few=evidence_of(seen[: len(search.few)]))
+        stood = stood if few else self._seen(stood, found, summit, seen)
         keys = {item.key for item in more}
         gains = stood.few - stand.few, stood.held - stand.held
         last = (item for item in found_in(self.graph, self.layout, found, opened) if item.key in keys)
@@ -531,19 +527,16 @@ class Ground:
             added=tuple(replace(item, what=by_key[item.what.key]) for item in stand.added),
         )
 
-    def _seen(self, stood: Footing, q: FloatArray, summit: Summit) -> Footing:
+    def _seen(self, stood: Footing, q: FloatArray, summit: Summit, seen: Sequence[Scored]) -> Footing:
         """Give a footing with what each recording shows there."""
         plant, trained = self.plant(q), self.search.trained
-        known, point = all_known(plant, q), replace(summit.point, values=np.zeros(0))
-        seen = score_recordings(known, trained, point)
         begin = self.begin_of(trained, self.search.begin)
         values = np.clip(values_at(plant, q), plant.unknowns.lower, plant.unknowns.upper)
         return replace(
             stood,
             innovations=tuple(item.standardised for item in seen),
             expected=tuple(x.y - item.innovations for x, item in zip(trained, seen, strict=True)),
-            ways=ways_of(known, self.search.few, point),
-            few=sum(item.value for item in seen[: len(self.search.few)]),
+            ways=ways_of(all_known(plant, q), self.search.few, replace(summit.point, values=np.zeros(0))),
             fit=partial(fit_at, replace(plant, base=q), trained, begin, replace(summit.point, values=values)),
         )
 

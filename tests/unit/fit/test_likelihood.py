@@ -8,7 +8,7 @@ import pytest
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.contract.samples import Sample
 from faultbond.errors import ModelError, RecordingError
-from faultbond.fit.evidence import all_known, likelihoods
+from faultbond.fit.evidence import all_known, evidence_of, likelihoods, tempered
 from faultbond.fit.objective import FitPoint, FittedPlant, evaluate_likelihood, likelihood_value, score_recordings
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.session import build_fit, free_parameters
@@ -240,3 +240,24 @@ def test_each_recording_has_its_own_start() -> None:
     scored = score_recordings(plant, records, both)
     assert [item.value for item in scored] == pytest.approx([item.value for item in parts])
     assert parts[1].value != pytest.approx(evaluate_likelihood(plant, second, begin).value)
+
+
+def test_few_readings_that_lie_far_off_do_not_decide() -> None:
+    """Up to five sd a square counts as it is; beyond, smoothly, as its logarithm grows, never less than a nearer."""
+    near = np.linspace(0.0, 25.0, 50)
+    assert tempered(near).tolist() == near.tolist()
+    far = np.geomspace(25.0, 1e12, 400)
+    assert (np.diff(tempered(far)) > 0.0).all()
+    assert float(np.diff(tempered(np.array([25.0, 25.001])))[0]) == pytest.approx(0.001, rel=1e-3)
+    assert float(tempered(np.array([1e6]))[0]) == pytest.approx(25.0 * (1.0 + np.log(4e4)))
+
+
+def test_evidence_is_the_likelihood_where_nothing_lies_far_off() -> None:
+    """And none where the plant has no course."""
+    plant, records, begin = prepared(RC, recording())
+    q = plant.base.copy()
+    q[plant.layout.first_noise : plant.layout.first_noise + 2] += np.log(20.0)
+    found = score_recordings(all_known(plant, q), records, replace(begin, values=np.zeros(0)))
+    assert max(float(np.nanmax(np.abs(item.standardised))) for item in found) < 5.0
+    assert evidence_of(found) == pytest.approx(sum(item.value for item in found), rel=1e-12)
+    assert evidence_of([replace(found[0], value=-np.inf)]) == -np.inf

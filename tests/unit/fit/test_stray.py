@@ -199,8 +199,8 @@ class Cured(SimpleNamespace):
 
     def climbed(self, stand: Footing) -> Footing:
         if self.inside:
-            course = 0.0 if self.course else -np.inf
-            return replace(stand, held=-500.0, trained=course, values={**stand.values, "R": 2.1})
+            course, ahead = (0.0 if known else -np.inf for known in (self.course, self.ahead))
+            return replace(stand, held=ahead - 500.0, trained=course, values={**stand.values, "R": 2.1})
         if "R" in self.believed:
             return replace(stand, held=self.gain, values={**stand.values, "R": self.ends})
         return replace(stand, held=self.gain + self.free, values={**stand.values, "R": 3.0})
@@ -212,6 +212,7 @@ class Cured(SimpleNamespace):
         ({}, True),
         ({"found": False}, False),
         ({"course": False}, False),
+        ({"ahead": False}, False),
         ({"gain": 0.5 * WORTH}, False),
         ({"free": FEWEST + 1.0}, False),
         ({"ends": 3.0}, False),
@@ -222,14 +223,14 @@ def test_what_is_missing_is_kept_where_it_explains_as_much(
 ) -> None:
     """It is kept where it foretells better, lets the parameter stay, and letting it go would gain hardly more.
 
-    The plant must have a course with the parameter inside. Then the declared accuracy counts from there on; else all is
-    as it was.
+    The plant must have a course with the parameter inside, also in what is held back. Then the declared accuracy counts
+    from there on; else all is as it was.
     """
     graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
     parameters = tuple(enumerate(graph.parameters))
     known = {item.name: item.nominal for item in graph.parameters}
     stand = Footing(graph=graph, values=known | {"R": 3.0}, starts={}, held=0.0)
-    options = {"found": True, "gain": 50.0, "free": 1.0, "ends": 2.1, "course": True} | case
+    options = {"found": True, "gain": 50.0, "free": 1.0, "ends": 2.1, "course": True, "ahead": True} | case
     fake = Cured(
         parameters=parameters, own=(), tell=lambda _: None, inside=frozenset(), believed=frozenset(), refused={}
     )
