@@ -13,6 +13,7 @@ from faultbond.equations.component_network import build_components
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.errors import ModelError
+from faultbond.fit.innovations import watch_recording
 from faultbond.fit.samples import healthy_recording
 from faultbond.model.builder import ModelBuilder
 from faultbond.model.graph import BondGraph
@@ -263,6 +264,41 @@ def test_what_lags_is_felt_later() -> None:
     assert not [name for name in readable_signals(model) if "lagged" in name]
     bare = parse_model(TANK.replace(", lag: 4 s", "").replace("lag: {value: 8 s, accuracy: 10 %, suspect: yes}", ""))
     assert build_step_model(build_plant(bare)).direct == ((0,), ())
+
+
+GATE = """\
+name: surge tank and gate
+sample_time: 2 s
+inputs: {reservoir: {unit: m}, gate: {unit: percent, lag: {value: 2 s, accuracy: 10 %}}}
+components:
+  lake: {type: Se, law: e = reservoir}
+  tunnel: {type: R, law: e = Kt*f*abs(f), parameters: {Kt: 0.01 s^2/m^5}}
+  tunnel_water: {type: I, law: p = It*f, parameters: {It: 20.4 s^2/m^2}}
+  shaft: {type: C, law: e = q/As, parameters: {As: 60 m^2}}
+  water: {type: I, law: p = Ip*f, parameters: {Ip: 6.1 s^2/m^2}}
+  turbine: {type: R, law: e = f*abs(f)/(Cg*gate)**2, parameters: {Cg: 0.0283 m^2.5/s/percent}}
+junctions: {headrace: 1, node: 0, line: 1}
+bonds: [lake -> headrace -> tunnel, headrace -> tunnel_water, headrace -> node -> shaft, node -> line -> water,
+        line -> turbine]
+sensors:
+  level: {reads: node.e, unit: m, noise: 1.2 cm}
+  flow: {reads: line.f, unit: m^3/s, noise: 0.15 m^3/s}
+  head: {reads: turbine.e, unit: m, noise: 0.25 m}
+"""
+
+
+def test_a_lag_of_an_input_makes_no_sensor_blind() -> None:
+    """Where a plant runs far from the reference, what an input has come to is as well known as its record."""
+    graph = parse_model(GATE)
+    core = build_core(build_plant(graph), build_spec(build_step_model(build_plant(graph))))
+    (lagged,) = (item for item in core.spec.states if item.name == "gate.lagged")
+    assert (lagged.noise, lagged.drift <= 50.0) == (0.0, True)
+    generator = np.random.default_rng(3)
+    values = np.column_stack([np.full(600, 82.0), np.repeat(generator.uniform(40.0, 70.0, 10), 60)])
+    made = simulate(graph, Inputs(time=2.0 * np.arange(600.0), values=values), (), seed=4)
+    record = healthy_recording("a", samples_of(made.time, made.inputs, made.outputs), core)
+    (seen,) = watch_recording(core, record)
+    assert np.nanstd(seen.scores[100:], axis=0) == pytest.approx(1.0, abs=0.15)
 
 
 @pytest.mark.parametrize("order", ["4 s", "{value: 4 s, order: 3}"])

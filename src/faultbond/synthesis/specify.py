@@ -162,8 +162,12 @@ def _state(model: StepModel, k: int, drift: float) -> StateSpec:
 def _process_noise(model: StepModel, k: int) -> float:
     """Give the process noise of a state per sample: a small part of the noise of the sensor that shows it best.
 
-    It stands for what no model knows; a state that no sensor reads directly gets none.
+    It stands for what no model knows; a state that no sensor reads directly gets none. Nor does what an input with a
+    lag has come to, which is known by record and lag: where the reference is a plant at rest, as a gate between two
+    levels of 1 m, hardly a sensor shows it, and what would move one by its noise made those blind that feel the gate.
     """
+    if model.plant.network.states[k].source:
+        return 0.0
     slope = np.abs(model.measure(*_at_reference(model))[1].full()[:, k])
     shown = [sensor.noise / slope[j] for j, sensor in enumerate(model.plant.graph.sensors) if slope[j] > 0]
     return float(PROCESS_NOISE * min(shown)) if shown else 0.0
@@ -183,7 +187,8 @@ def _at_reference(model: StepModel) -> tuple[FloatArray, FloatArray, FloatArray]
 def _drifts(model: StepModel) -> FloatArray:
     """Give for each state the change that moves some sensor by its noise, within so many samples; 0 if none shows it.
 
-    A gap in a recording lets each state wander by about this much a sample: inputs may have changed meanwhile.
+    A gap in a recording lets each state wander by about this much a sample: inputs may have changed meanwhile. What an
+    input with a lag has come to does so by no more than the reference input.
     """
     n_x, place = len(model.states), _at_reference(model)
     dt = model.plant.graph.sample_time or 1.0
@@ -194,7 +199,10 @@ def _drifts(model: StepModel) -> FloatArray:
     for _ in range(_SHOWN_WITHIN):
         effects = np.maximum(effects, np.abs(row).max(axis=0, initial=0.0))
         row = row @ step
-    return np.divide(1.0, effects, out=np.zeros(n_x), where=effects > 0.0)
+    drifts = np.divide(1.0, effects, out=np.zeros(n_x), where=effects > 0.0)
+    usual = dict(zip((item.name for item in model.plant.graph.inputs), np.abs(place[1]).tolist(), strict=True))
+    most = [usual.get(store.source, np.inf) for store in model.plant.network.states]
+    return np.minimum(drifts, most)
 
 
 def _parameter(item: Parameter, settling: float) -> ParameterSpec:
