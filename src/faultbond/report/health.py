@@ -9,7 +9,7 @@ from rich.text import Text
 
 from faultbond.contract.json_records import Record
 from faultbond.contract.spec import EngineSpec
-from faultbond.fit.false_alarms import FARTHEST
+from faultbond.fit.false_alarms import FARTHEST, SENSOR
 from faultbond.fit.lack_of_fit import Region
 from faultbond.fit.trial import FACTORS, Health
 from faultbond.model.graph import BondGraph, Input, Sensor, Unit
@@ -20,6 +20,7 @@ from faultbond.report.suspects import cure_of_walk
 MOST_REGIONS = 6
 MOST_DIGITS = 9  # of the ends of a range
 MUCH = 0.8  # of the limit of a walk
+BLIND = 0.25  # standard deviation of scores, below which most of what a sensor shows is let be
 GROSS = 20.0  # times the limit of an alarm: then what is declared larger is no cure, but the end of all watching
 YEAR = 365.25 * 86400.0  # s
 CLIMBS = {1: "reads more than expected", -1: "reads less than expected", 0: "scatters more than declared"}
@@ -125,7 +126,13 @@ def where_lines(graph: BondGraph, found: Health) -> list[tuple[str, str]]:
         begin, end = clock_text(item.begin), clock_text(item.end)
         when = begin if begin == end else f"{begin} to {end}"
         moments.append(f"{when}{where}: {reads}, {height}")
-    return told + under("moments", moments) + under("hints", list(_hints(graph, found)))
+    blind = [
+        f"{item.name} scores 0 ± {item.spread:.2f}: it is let be nearly anything, so faults hide there; declare noise, "
+        "slow errors or accuracies smaller"
+        for item in found.rates
+        if item.kind == SENSOR and item.memory > 0.0 and item.spread < BLIND
+    ]
+    return under("blind", blind) + told + under("moments", moments) + under("hints", list(_hints(graph, found)))
 
 
 def _hints(graph: BondGraph, found: Health) -> Iterator[str]:

@@ -114,6 +114,14 @@ def test_the_ends_of_a_range_differ(low: float, high: float, told: str) -> None:
     assert lines[0][1] == f"i reads 0.6 sd more than expected where V is {told}"
 
 
+@pytest.mark.parametrize(("spread", "memory", "is_told"), [(0.01, 1.0, True), (0.3, 1.0, False), (0.0, 0.0, False)])
+def test_a_sensor_that_is_let_be_anything_is_named(spread: float, memory: float, is_told: bool) -> None:
+    """Quiet it is, and deaf; of one without values nothing is said."""
+    rate = Rate(name="V", kind="sensor", peak=0.0, between=1e9, mean=0.0, spread=spread, memory=memory)
+    told = [text for title, text in where_lines(GRAPH, replace(health(), rates=(rate,))) if title == "blind"]
+    assert [text[:17] for text in told] == ["V scores 0 ± 0.01"] * is_told
+
+
 def test_what_alarms_by_its_sums_says_so() -> None:
     """Where no parameter walks, it is what it was."""
     assert "does not keep the promise: it alarms on them." in health_verdict(GRAPH, health(peak=1.3))
