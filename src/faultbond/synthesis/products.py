@@ -7,6 +7,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.equations.plant import Plant
+from faultbond.equations.step import reference_inputs
 
 TIMES = (1.37, 0.81)  # by which the input is larger
 TOLERANCE = 1e-9  # of the larger of two values
@@ -40,11 +41,20 @@ def factors_of_inputs(plant: Plant) -> tuple[int, ...]:
 
 
 def _points(plant: Plant) -> Iterator[list[FloatArray]]:
+    """Give states, inputs, parameters, errors and implicit signals where the plant may be.
+
+    Inputs within what the model was fitted to, where that is known: at others a law may stand still, as that of a pipe
+    whose pump does not lift the water.
+    """
     generator = np.random.default_rng(0)
-    nominal = np.array([item.nominal for item in plant.graph.parameters])
+    nominal, usual = np.array([item.nominal for item in plant.graph.parameters]), reference_inputs(plant)
+    ranges = [
+        item.fitted_range or (SPREAD[0] * u, SPREAD[1] * u) for item, u in zip(plant.graph.inputs, usual, strict=True)
+    ]
     for _ in range(TRIALS):
         sizes = (plant.x.numel(), plant.u.numel(), None, plant.b.numel(), plant.z.numel())
         drawn = [generator.uniform(*SPREAD, nominal.shape if size is None else size) for size in sizes]
+        drawn[1] = np.array([generator.uniform(*item) for item in ranges])
         drawn[2] *= nominal
         drawn[3] *= 0.01  # errors of laws are small
         yield drawn

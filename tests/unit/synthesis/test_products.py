@@ -40,6 +40,9 @@ sensors: {level: {reads: node.e, unit: Pa, noise: 20 Pa}, drain: {reads: outlet.
         ("speed: {", "speed: {lag: 6 s, ", ("", "K")),
         ("G: 2e-5 m^3/s/percent", "G: {nominal: 2e-5 m^3/s/percent, suspect: no}", ("", "K")),
         ("law: f = G*speed", "law: f = 3*G*speed", ("G", "K")),
+        ("law: f = G*speed", 'law: "f = G*max(speed, full/20)"', ("G", "K")),  # at rest it stands still
+        ("speed: {", "speed: {fitted_range: [1 percent, 2 percent], ", ("G", "K")),
+        ("law: f = G*speed", 'law: "f = G*max(speed, 2*full)"', ("", "K")),
     ],
 )
 def test_which_input_acts_with_which_parameter(old: str, new: str, found: tuple[str, str]) -> None:
