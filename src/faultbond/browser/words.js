@@ -220,10 +220,19 @@ function earlySentence(diagnosis, detection) {
 
 const EVENLY = "that stands in the percentages above, in equal parts.";
 
+// How likely it is that the model is off, and how likely the first is if it is right.
+function mismatchText(diagnosis) {
+  const off = diagnosis.mismatch, count = diagnosis.candidates.length;
+  const told = `With ${probabilityText(off)}${NO_BREAK}% the model is off: ${EVENLY}`;
+  if (off >= 1 || count < 2) return told;
+  const right = (diagnosis.candidates[0].probability - off / count) / (1 - off);
+  return `${told} If it is right after all, the first is at ${probabilityText(Math.min(Math.max(right, 0), 1))}${NO_BREAK}%.`;
+}
+
 // What may be true beside the candidates.
 function besideText(diagnosis) {
   const told = [], left = diagnosis.untested;
-  if (diagnosis.mismatch) told.push(`With ${probabilityText(diagnosis.mismatch)}${NO_BREAK}% the model is off: ${EVENLY}`);
+  if (diagnosis.mismatch) told.push(mismatchText(diagnosis));
   if (diagnosis.within_accuracy >= NEGLIGIBLE && !diagnosis.unexplained)
     told.push(`With ${probabilityText(diagnosis.within_accuracy)}${NO_BREAK}% nothing that is tested changed by more than it may while healthy: ${EVENLY}`);
   if (left && left.sets)

@@ -183,11 +183,18 @@ def beside(diagnosis: Diagnosis) -> str:
 
 
 def mismatch_sentence(diagnosis: Diagnosis) -> str:
-    """Say how likely it is that the model is off, beside the percentages of sets; empty where nothing tells of that."""
-    if not diagnosis.mismatch:
+    """Say how likely it is that the model is off, beside the percentages of sets; empty where nothing tells of that.
+
+    And how likely the first is if the model is right, which those percentages hide.
+    """
+    off, count = diagnosis.mismatch, len(diagnosis.candidates)
+    if not off:
         return ""
-    percent = probability_text(diagnosis.mismatch)
-    return f"With {percent} % the model is off: {EVENLY}"
+    told = f"With {probability_text(off)} % the model is off: {EVENLY}"
+    if off < 1.0 and count > 1:
+        right = (diagnosis.candidates[0].probability - off / count) / (1.0 - off)
+        told = f"{told} If it is right after all, the first is at {probability_text(min(max(right, 0.0), 1.0))} %."
+    return told
 
 
 def within_sentence(diagnosis: Diagnosis) -> str:

@@ -12,7 +12,7 @@ from faultbond.io.examples import example
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.model.text import parse_model
 from faultbond.report.numbers import Notation
-from faultbond.report.reservations import course_sentences
+from faultbond.report.reservations import course_sentences, mismatch_sentence
 from faultbond.report.suspects import UNDETERMINED, unit_of
 from faultbond.report.verdict import (
     RunCounts,
@@ -233,7 +233,11 @@ def test_a_model_that_is_off_is_told_with_its_cure(history: History) -> None:
         "accuracy of K3 larger, or that it wanders, or mend what moves it. Nearest comes a change of the pipe" in told
     )
     view = view_of(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
-    assert view.left_out == ("With 90.0 % the model is off: that stands in the percentages above, in equal parts.")
+    evenly = "that stands in the percentages above, in equal parts."
+    assert view.left_out == f"With 90.0 % the model is off: {evenly}"
+    both = (replace(best, probability=0.53), replace(best, probability=0.47))
+    left = mismatch_sentence(replace(diagnosis, mismatch=0.9, candidates=both))
+    assert left == f"With 90.0 % the model is off: {evenly} If it is right after all, the first is at 80.0 %."
 
 
 @pytest.mark.parametrize("walker", ["", "K1"])
