@@ -59,7 +59,7 @@ def _told_by(plant: FittedPlant, record: HealthyRecording, lanes: FloatArray) ->
 
 
 def tempered(squares: FloatArray) -> FloatArray:
-    """Give squares of errors, in sd, with those beyond five sd as their logarithm grows, as tails do that are not thin.
+    """Give squares of errors (n, ...), in sd, with those beyond five sd as their logarithm grows, as thick tails do.
 
     Else a model that lacks something much is judged by few readings alone: without the speed of a gate, which moved
     far twice in the recording that was held back, 3500 rows of a power station differed by 3.4 million nats from all
