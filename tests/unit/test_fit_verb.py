@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+import winding
 from faultbond.app.identification import _lines
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT, USER_MISTAKE
@@ -21,19 +22,7 @@ from faultbond.model.text import load_model, parse_model
 from faultbond.report.fit_result import Fitted
 from faultbond.types import STEP
 
-MODEL = """# a motor
-name: motor
-sample_time: 0.02 s
-accuracy: 3 %
-inputs: {V: {unit: V}}
-components:
-  source: {type: Se, law: e = V}
-  R: {type: R, parameters: {R: 3 ohm}}      # winding
-  L: {type: I, parameters: {L: {nominal: 2.5 H, accuracy: 5 %}}, start: {p: 0 V*s, sd: 0.001 V*s}}
-junctions: {armature: 1}
-bonds: [source -> armature -> R, armature -> L]
-sensors: {i: {reads: armature.f, unit: A, noise: 50 mA}}
-"""
+MODEL = winding.MODEL.replace("time_between_false_alarms: 1 h\n", "")
 R, L, NOISE = 3.6, 2.0, 0.02
 
 

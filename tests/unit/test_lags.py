@@ -269,7 +269,7 @@ def test_what_lags_is_felt_later() -> None:
 GATE = """\
 name: surge tank and gate
 sample_time: 2 s
-inputs: {reservoir: {unit: m}, gate: {unit: percent, lag: {value: 2 s, accuracy: 10 %}}}
+inputs: {reservoir: {unit: m}, tailwater: {unit: m}, gate: {unit: percent, lag: {value: 2 s, accuracy: 10 %}}}
 components:
   lake: {type: Se, law: e = reservoir}
   tunnel: {type: R, law: e = Kt*f*abs(f), parameters: {Kt: 0.01 s^2/m^5}}
@@ -277,9 +277,10 @@ components:
   shaft: {type: C, law: e = q/As, parameters: {As: 60 m^2}}
   water: {type: I, law: p = Ip*f, parameters: {Ip: 6.1 s^2/m^2}}
   turbine: {type: R, law: e = f*abs(f)/(Cg*gate)**2, parameters: {Cg: 0.0283 m^2.5/s/percent}}
+  river: {type: Se, law: e = tailwater}
 junctions: {headrace: 1, node: 0, line: 1}
 bonds: [lake -> headrace -> tunnel, headrace -> tunnel_water, headrace -> node -> shaft, node -> line -> water,
-        line -> turbine]
+        line -> turbine, line -> river]
 sensors:
   level: {reads: node.e, unit: m, noise: 1.2 cm}
   flow: {reads: line.f, unit: m^3/s, noise: 0.15 m^3/s}
@@ -294,7 +295,8 @@ def test_a_lag_of_an_input_makes_no_sensor_blind() -> None:
     (lagged,) = (item for item in core.spec.states if item.name == "gate.lagged")
     assert (lagged.noise, lagged.drift <= 50.0) == (0.0, True)
     generator = np.random.default_rng(3)
-    values = np.column_stack([np.full(600, 82.0), np.repeat(generator.uniform(40.0, 70.0, 10), 60)])
+    levels = np.full(600, 82.0), np.full(600, 2.0)
+    values = np.column_stack([*levels, np.repeat(generator.uniform(40.0, 70.0, 10), 60)])
     made = simulate(graph, Inputs(time=2.0 * np.arange(600.0), values=values), (), seed=4)
     record = healthy_recording("a", samples_of(made.time, made.inputs, made.outputs), core)
     (seen,) = watch_recording(core, record)
@@ -313,6 +315,16 @@ def test_settling_holds_beside_a_lag(order: str) -> None:
     record = healthy_recording("a", samples_of(made.time, made.inputs, made.outputs), core)
     assert np.flatnonzero(~record.use[:, 0]).tolist() == list(range(60, 80))
     assert record.use[:, 1].all()
+
+
+def test_settling_of_one_input_is_not_that_of_another() -> None:
+    """Only what settles is felt in spite of a lag; and a parameter that a sensor feels beside it counts as settling."""
+    other = TANK.replace("{u: {", "{w: {unit: percent, lag: 5 s}, u: {").replace("f = G*u", "f = G*u + G*w")
+    settling = other.replace(f"percent, {LAG}", f"percent, settling: 20 s, {LAG}").replace(", lag: 4 s", "")
+    model = build_step_model(build_plant(parse_model(settling)))
+    assert (model.direct, model.felt) == (((), ()), ((1,), ()))
+    times = {item.name: item.settling for item in build_spec(model).parameters}
+    assert (times["G"], times["A"]) == (20.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -344,6 +356,10 @@ def test_check_tells_of_a_settling_that_does_nothing() -> None:
     assert "does nothing" not in checked(stated)
     idle = checked("\n".join(line for line in stated.splitlines() if "flow:" not in line))
     assert "u: no sensor feels it at once, so that it does nothing; state a `lag`" in " ".join(idle.split())
+    lagging = TANK.replace(LAG, f"settling: 5 s, {LAG}")
+    assert "does nothing" not in checked(lagging)  # the flow meter would feel it at once but for the lags
+    idle = checked("\n".join(line for line in lagging.splitlines() if "flow:" not in line))
+    assert "u: no sensor feels it at once, or but for a lag: it does nothing" in " ".join(idle.split())
 
 
 def checked(text: str) -> str:

@@ -40,11 +40,10 @@ def better(search: Search, stand: Footing) -> Footing | None:
     most = max(gains, default=-np.inf)
     if not most >= WORTH:
         return None
-    given = plainest([(item.added[-1].what, gain) for item, gain in zip(climbed, gains, strict=True)])
-    found = [item for item in climbed if item.added[-1].what in given]
+    plain = plainest([(item.added[-1].what, gain) for item, gain in zip(climbed, gains, strict=True)])
+    found = [item for item in climbed if item.added[-1].what in {what for what, _ in plain}]
     near = [item for item in found if item.held - stand.held >= most - _as_good(most)]
-    plain = [item for item in near if item.added[-1].what.kind is not Kind.RATE_LIMIT]  # which has a lag in it
-    best = _own_instead(stand, min(plain or near, key=lambda item: item.unknown), found)
+    best = _own_instead(stand, min(near, key=lambda item: item.unknown), found)
     hidden = [item for item in found if best.added[-1].may_have(item.added[-1], WORTHY)]
     worth = {item.added[-1].what.key for item, gain in zip(climbed, gains, strict=True) if gain >= WORTH}
     worth |= {item.added[-1].what.key for item in hidden}
@@ -61,19 +60,19 @@ def better(search: Search, stand: Footing) -> Footing | None:
         worthy = [item for item in worthy if not item.added[-1].what.is_slow]
     if (joint := _joint(search, stand, best, worthy)) is not None:
         return joint
-    good = {item.added[-1].what.key: item.added[-1].what for item in plain or near}
+    good = {item.added[-1].what.key: item.added[-1].what for item in near}
     alike = tuple(what for key, what in good.items() if key != best.added[-1].what.key)
     alone = added_together(search, stand, [replace(best.added[-1], alike=alike)])
     return alone if alone.held - stand.held >= WORTH else None  # it may have gained by other values of parameters
 
 
-def plainest(asked: Sequence[tuple[Imperfection, float]]) -> dict[Imperfection, float]:
+def plainest(asked: Sequence[tuple[Imperfection, float]]) -> list[tuple[Imperfection, float]]:
     """Give what explains something, with its gain, nats, but what is more than another that explains as much."""
-    return {
-        item: gain
+    return [
+        (item, gain)
         for item, gain in asked
         if not any(item.is_more_than(other) and least >= gain - _as_good(gain) for other, least in asked)
-    }
+    ]
 
 
 def _as_good(most: float) -> float:
@@ -121,12 +120,11 @@ def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfec
     late = _weighed(search, stand, asked)
     search.idle |= {item: hints[item] for item, _, gain in late if item in hints and gain < FEWEST}
     best = {item.key: (item, gain) for _, item, gain in sorted(late, key=lambda one: one[2])}
-    likely = _likeliest(search, list(plainest(list(best.values())).items()))
+    likely = _likeliest(search, plainest(list(best.values())))
     long = [item for item, _ in likely if item.kind is Kind.LAG and item.size > search.step]
     staged = _weighed(search, stand, [replace(item, order=STAGES) for item in long[:1]])
     likely += _likeliest(search, [(item, gain) for _, item, gain in staged])
-    likely = list(plainest(likely).items())
-    tried = [(search.ground_with(stand, (item,)), item, gain) for item, gain in likely]
+    tried = [(search.ground_with(stand, (item,)), item, gain) for item, gain in plainest(likely)]
     for like in (_likeliest(search, search.curves(stand)), slow):
         if like:
             shared = search.ground_with(stand, [item for item, _ in like if item.key not in keys_of(stand.graph)])
