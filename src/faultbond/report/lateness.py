@@ -34,8 +34,8 @@ def lag_lines(graph: BondGraph, spec: EngineSpec) -> Iterator[tuple[str, str]]:
     felt = {k for item in spec.outputs for k in item.direct_inputs}
     idle = [item for k, item in enumerate(graph.inputs) if item.settling and k not in felt]
     for lags, why in ((False, "so that it does nothing; state a `lag`"), (True, "or but for a lag: it does nothing")):
-        if names := [item.name for item in idle if bool(item.lag) is lags]:
-            yield "settling", f"{', '.join(names)}: no sensor feels it at once, {why}"
+        if still := ", ".join(item.name for item in idle if bool(item.lag) is lags):
+            yield "settling", f"{still}: no sensor feels it at once, {why}"
     if direct and graph.grid is not TimeGrid.NONE:
         names = ", ".join(item.name for k, item in enumerate(graph.inputs) if k in direct)
         yield "felt at once", f"{names}: if it takes time to act, or a sensor to follow, state its `lag`"
