@@ -25,7 +25,7 @@ from faultbond.contract.findings import Unexplained
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.errors import FaultbondError
-from faultbond.fit import further, objective, trial
+from faultbond.fit import further, objective, quiet_search, trial
 from faultbond.fit import offset as offset_module
 from faultbond.fit.bend import Bend
 from faultbond.fit.delays import HINT
@@ -620,6 +620,20 @@ def test_what_changes_nothing_gains_nothing(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(quiet_fit, "_next", nothing)
     records(tmp_path, model, *recordings, "-o", tmp_path / "new.yaml")
     assert gains == pytest.approx([0.0], abs=1e-6)
+
+
+@pytest.mark.usefixtures("no_sizes")
+def test_a_footing_stands_by_what_counts_as_evidence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the few recordings that compare, and of those that were held back."""
+    model, stands = tmp_path / "model.yaml", list[Footing]()
+    model.write_text(MODEL, encoding="utf-8")
+    recordings = [write(tmp_path / f"{k}.csv", seed=k, rows=300) for k in (1, 2, 3, 4)]
+    monkeypatch.setattr(quiet_search, "FEW_SAMPLES", 300)
+    monkeypatch.setattr(quiet_search, "evidence_of", lambda seen: float(len(seen)))
+    monkeypatch.setattr(quiet_fit, "_seems_quiet", lambda *_: False)
+    monkeypatch.setattr(quiet_fit, "_next", lambda _, stand, __: stands.append(stand))
+    records(tmp_path, model, *recordings, "-o", tmp_path / "new.yaml")
+    assert [(item.few, item.held) for item in stands] == [(1.0, 1.0)]
 
 
 @pytest.mark.parametrize(

@@ -222,11 +222,11 @@ const EVENLY = "that stands in the percentages above, in equal parts.";
 
 // How likely it is that the model is off, and how likely the first is if it is right.
 function mismatchText(diagnosis) {
-  const off = diagnosis.mismatch, count = diagnosis.candidates.length;
+  const off = diagnosis.mismatch;
   const told = `With ${probabilityText(off)}${NO_BREAK}% the model is off: ${EVENLY}`;
-  if (off >= 1 || count < 2) return told;
-  const right = (diagnosis.candidates[0].probability - off / count) / (1 - off);
-  return `${told} If it is right after all, the first is at ${probabilityText(Math.min(Math.max(right, 0), 1))}${NO_BREAK}%.`;
+  if (off >= 1 || diagnosis.count < 2) return told;
+  const right = (diagnosis.candidates[0].probability - diagnosis.even) / (1 - off);
+  return `${told} If it is right after all, the first is at ${probabilityText(right)}${NO_BREAK}%.`;
 }
 
 // What may be true beside the candidates.

@@ -187,14 +187,20 @@ def mismatch_sentence(diagnosis: Diagnosis) -> str:
 
     And how likely the first is if the model is right, which those percentages hide.
     """
-    off, count = diagnosis.mismatch, len(diagnosis.candidates)
+    off = diagnosis.mismatch
     if not off:
         return ""
     told = f"With {probability_text(off)} % the model is off: {EVENLY}"
-    if off < 1.0 and count > 1:
-        right = (diagnosis.candidates[0].probability - off / count) / (1.0 - off)
-        told = f"{told} If it is right after all, the first is at {probability_text(min(max(right, 0.0), 1.0))} %."
+    if off < 1.0 and len(diagnosis.candidates) > 1:
+        right = (diagnosis.candidates[0].probability - even_share(diagnosis)) / (1.0 - off)
+        told = f"{told} If it is right after all, the first is at {probability_text(right)} %."
     return told
+
+
+def even_share(diagnosis: Diagnosis) -> float:
+    """Give what each tested set has in its probability of what tells none from another; no more than the least has."""
+    tested = [item.probability for item in diagnosis.candidates if item.probability > 0.0]
+    return min([*tested, (diagnosis.mismatch + diagnosis.within_accuracy) / max(len(tested), 1)])
 
 
 def within_sentence(diagnosis: Diagnosis) -> str:

@@ -32,6 +32,7 @@ from faultbond.report.reservations import (
     beside,
     certainty,
     course_sentences,
+    even_share,
     reason_for_none,
     unexplained_sentence,
 )
@@ -436,12 +437,6 @@ def remainder_text(diagnosis: Diagnosis, rows: Sequence[TableRow]) -> str:
     bound = max(candidate.probability for candidate in left)
     limit = 0.1 if bound < 0.001 else math.ceil(1000.0 * bound + 1e-9) / 10.0
     return f"... and {len(left)} more below {limit:g} %"
-
-
-def even_share(diagnosis: Diagnosis) -> float:
-    """Give what each tested set has in its probability of what tells none from another; no more than the least has."""
-    tested = [item.probability for item in diagnosis.candidates if item.probability > 0.0]
-    return min([*tested, (diagnosis.mismatch + diagnosis.within_accuracy) / max(len(tested), 1)])
 
 
 def _span(graph: BondGraph, history: History, counts: RunCounts) -> float:

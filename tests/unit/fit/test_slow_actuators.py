@@ -173,16 +173,19 @@ def test_of_ways_to_come_behind_the_plainest_is_kept_that_explains_as_much(monke
     assert plainest(given) == [(LAG, 20.0), (replace(other, order=4), 24.0), (other, 15.0)]
 
 
-@pytest.mark.parametrize(("size", "stages"), [(0.9, 1), (1.1, 4)])
+@pytest.mark.parametrize(
+    ("size", "gain", "asked_of", "fitted"),
+    [(0.9, 200.0, [1], [1]), (1.1, 200.0, [1, 4], [1, 4]), (1.1, 102.0, [1, 4], [1])],
+)
 def test_stages_are_asked_for_where_a_lag_is_longer_than_a_sample(
-    size: float, stages: int, monkeypatch: pytest.MonkeyPatch
+    size: float, gain: float, asked_of: list[int], fitted: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Within one nobody sees them."""
+    """Within one nobody sees them; and they are fitted where they promise more than the lag of one stage."""
     asked = list[Imperfection]()
 
     def weighed(_: object, __: object, items: Sequence[Imperfection]) -> list[tuple[Imperfection, Imperfection, float]]:
         asked.extend(items)
-        return [(item, replace(item, size=size), 100.0) for item in items]
+        return [(item, replace(item, size=size), gain if item.order > 1 else 100.0) for item in items]
 
     search = SimpleNamespace(
         step=1.0, trained=(), refused={}, idle={}, all=SimpleNamespace(model=SimpleNamespace(direct=())),
@@ -191,8 +194,9 @@ def test_stages_are_asked_for_where_a_lag_is_longer_than_a_sample(
     monkeypatch.setattr(further, "late_ones", lambda *_: [(LAG, 100.0)])
     monkeypatch.setattr(further, "other_holds", lambda *_: [])
     monkeypatch.setattr(further, "_weighed", weighed)
-    further.worth_fitting(cast("Any", search), Footing(graph=parse_model(MODEL), values={}, starts={}))
-    assert max(item.order for item in asked) == stages
+    tried = further.worth_fitting(cast("Any", search), Footing(graph=parse_model(MODEL), values={}, starts={}))
+    assert [item.order for item in asked] == asked_of
+    assert sorted(item.order for _, item, _ in tried) == fitted
 
 
 def test_what_is_added_says_the_order_of_its_lag() -> None:

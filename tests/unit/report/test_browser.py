@@ -129,6 +129,25 @@ def test_its_verdict_is_that_of_the_report(
     assert " ".join(said).split() == unescape(headline[1]).split()  # at spaces of either kind
 
 
+def test_a_model_that_may_be_off_is_told_as_by_run(
+    browser: Any, recordings: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With how likely the first is if the model is right, in the same words and figures."""
+    model, file = tmp_path / "model.yaml", tmp_path / "tank.html"
+    model.write_text("false_alarms: 1\n" + (TANK / "model.yaml").read_text(encoding="utf-8"), encoding="utf-8")
+    assert main(["generate", str(model), "--web", "--recording", str(recordings["faulty"]), "-o", str(file)]) == 0
+    assert main(["run", str(model), str(recordings["faulty"])]) == 1
+    told = re.search(
+        r"With [^ ]+ % the model is off:.*?the first is at [^ ]+ %\.", " ".join(capsys.readouterr().out.split())
+    )
+    page = browser.new_page()
+    page.goto(file.as_uri())
+    play(page, recordings["faulty"])
+    assert told is not None
+    assert told[0] in " ".join(page.inner_text("#remainder").split())
+    page.close()
+
+
 def test_what_is_suspected_is_coloured(page: Any, recordings: dict[str, Path]) -> None:
     """The part that is most likely at fault is first in the ranking, and coloured in the drawing."""
     play(page, recordings["faulty"])

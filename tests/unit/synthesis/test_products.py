@@ -41,8 +41,6 @@ sensors: {level: {reads: node.e, unit: Pa, noise: 20 Pa}, drain: {reads: outlet.
         ("G: 2e-5 m^3/s/percent", "G: {nominal: 2e-5 m^3/s/percent, suspect: no}", ("", "K")),
         ("law: f = G*speed", "law: f = 3*G*speed", ("G", "K")),
         ("law: f = G*speed", 'law: "f = G*max(speed, full/20)"', ("G", "K")),  # at rest it stands still
-        ("speed: {", "speed: {fitted_range: [1 percent, 2 percent], ", ("G", "K")),
-        ("law: f = G*speed", 'law: "f = G*max(speed, 2*full)"', ("", "K")),
     ],
 )
 def test_which_input_acts_with_which_parameter(old: str, new: str, found: tuple[str, str]) -> None:
@@ -53,6 +51,15 @@ def test_which_input_acts_with_which_parameter(old: str, new: str, found: tuple[
     graph = parse_model(TANK.replace(old, new) if old else TANK)
     factors = factors_of_inputs(build_plant(graph))
     assert tuple("" if k < 0 else graph.parameters[k].name for k in factors) == found
+
+
+@pytest.mark.parametrize(("fitted", "found"), [("", ""), ("fitted_range: [300 percent, 400 percent], ", "G")])
+def test_it_is_asked_where_the_model_was_fitted(fitted: str, found: str) -> None:
+    """Below twice its full speed this pump goes on as it is."""
+    text = TANK.replace("law: f = G*speed", 'law: "f = G*max(speed, 2*full)"').replace("speed: {", f"speed: {{{fitted}")
+    graph = parse_model(text)
+    factor = factors_of_inputs(build_plant(graph))[0]
+    assert ("" if factor < 0 else graph.parameters[factor].name) == found
 
 
 def test_a_gain_beside_another_fault_is_alike_with_a_step_beside_it() -> None:
