@@ -356,6 +356,7 @@ def test_check_tells_of_a_settling_that_does_nothing() -> None:
     assert "does nothing" not in checked(stated)
     idle = checked("\n".join(line for line in stated.splitlines() if "flow:" not in line))
     assert "u: no sensor feels it at once, so that it does nothing; state a `lag`" in " ".join(idle.split())
+    assert "but for a lag" not in idle
     lagging = TANK.replace(LAG, f"settling: 5 s, {LAG}")
     assert "does nothing" not in checked(lagging)  # the flow meter would feel it at once but for the lags
     idle = checked("\n".join(line for line in lagging.splitlines() if "flow:" not in line))

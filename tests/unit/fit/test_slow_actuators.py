@@ -173,6 +173,30 @@ def test_of_ways_to_come_behind_the_plainest_is_kept_that_explains_as_much(monke
     assert plainest(given) == [(LAG, 20.0), (replace(other, order=4), 24.0), (other, 15.0)]
 
 
+def fitted_of(
+    monkeypatch: pytest.MonkeyPatch, gains: dict[tuple[Kind, str, int], float], size: float
+) -> tuple[list[Imperfection], list[Imperfection]]:
+    """Give what a round asks for, and what it fits, of what would gain by kind, place and stages; lags of a size."""
+    asked, lags = (
+        list[Imperfection](),
+        [Imperfection(kind=kind, place=place) for kind, place, order in gains if order == 1],
+    )
+
+    def weighed(_: object, __: object, items: Sequence[Imperfection]) -> list[tuple[Imperfection, Imperfection, float]]:
+        asked.extend(items)
+        return [(item, replace(item, size=size), gains[item.kind, item.place, item.order]) for item in items]
+
+    search = SimpleNamespace(
+        step=1.0, trained=(), refused={}, idle={}, all=SimpleNamespace(model=SimpleNamespace(direct=())),
+        profile=lambda _: [], curves=lambda _: [], ground_with=lambda *_: None,
+    )  # fmt: skip
+    monkeypatch.setattr(further, "late_ones", lambda *_: [(item, 100.0) for item in lags])
+    monkeypatch.setattr(further, "other_holds", lambda *_: [])
+    monkeypatch.setattr(further, "_weighed", weighed)
+    tried = further.worth_fitting(cast("Any", search), Footing(graph=parse_model(MODEL), values={}, starts={}))
+    return asked, [item for _, item, _ in tried]
+
+
 @pytest.mark.parametrize(
     ("size", "gain", "asked_of", "fitted"),
     [(0.9, 200.0, [1], [1]), (1.1, 200.0, [1, 4], [1, 4]), (1.1, 102.0, [1, 4], [1])],
@@ -181,22 +205,18 @@ def test_stages_are_asked_for_where_a_lag_is_longer_than_a_sample(
     size: float, gain: float, asked_of: list[int], fitted: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Within one nobody sees them; and they are fitted where they promise more than the lag of one stage."""
-    asked = list[Imperfection]()
-
-    def weighed(_: object, __: object, items: Sequence[Imperfection]) -> list[tuple[Imperfection, Imperfection, float]]:
-        asked.extend(items)
-        return [(item, replace(item, size=size), gain if item.order > 1 else 100.0) for item in items]
-
-    search = SimpleNamespace(
-        step=1.0, trained=(), refused={}, idle={}, all=SimpleNamespace(model=SimpleNamespace(direct=())),
-        profile=lambda _: [], curves=lambda _: [], ground_with=lambda *_: None,
-    )  # fmt: skip
-    monkeypatch.setattr(further, "late_ones", lambda *_: [(LAG, 100.0)])
-    monkeypatch.setattr(further, "other_holds", lambda *_: [])
-    monkeypatch.setattr(further, "_weighed", weighed)
-    tried = further.worth_fitting(cast("Any", search), Footing(graph=parse_model(MODEL), values={}, starts={}))
+    gains = {(Kind.LAG, "V", 1): 100.0, (Kind.LAG, "V", 4): gain}
+    asked, tried = fitted_of(monkeypatch, gains, size)
     assert [item.order for item in asked] == asked_of
-    assert sorted(item.order for _, item, _ in tried) == fitted
+    assert sorted(item.order for item in tried) == fitted
+
+
+def test_a_rate_limit_takes_no_place_of_a_lag_that_promises_as_much(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of all that seems to come behind three are fitted; that of an input is among them in its plainest way."""
+    gains = {(Kind.RATE_LIMIT, "V", 1): 105.0, (Kind.LAG, "V", 1): 101.0, (Kind.LAG, "a", 1): 103.0}
+    gains |= {(Kind.LAG, "b", 1): 102.0, (Kind.LAG, "c", 1): 90.0}
+    _, tried = fitted_of(monkeypatch, gains, 0.5)
+    assert {(item.kind, item.place) for item in tried} == {(Kind.LAG, "V"), (Kind.LAG, "a"), (Kind.LAG, "b")}
 
 
 def test_what_is_added_says_the_order_of_its_lag() -> None:
