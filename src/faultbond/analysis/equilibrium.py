@@ -8,6 +8,7 @@ from faultbond.analysis.sensitivity import Experiment, build_recursion
 from faultbond.analysis.trajectories import Trajectory
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel, reference_inputs
+from faultbond.model.graph import Input
 
 NOISE_PART = 1 / 30  # of an input whose range is not known
 _STEPS = 70  # ever longer ones
@@ -24,9 +25,16 @@ class Stand:
 
 
 def reference_levels(model: StepModel) -> FloatArray:
-    """Give the inputs (n_inputs,) of the usual run, SI: half range for percent, else one unit, or 30 noises if more."""
+    """Give the inputs (n_inputs,) of the usual run, SI: those of the nominal run, or 30 noises above 0 if more.
+
+    Where an input was in the recordings of a fit is known, whatever its noise.
+    """
     levels = zip(model.plant.graph.inputs, reference_inputs(model.plant), strict=True)
-    return np.array([level + max(item.noise / NOISE_PART - item.unit.factor, 0.0) for item, level in levels])
+    return np.array([level + (0.0 if item.fitted_range else _above_noise(item)) for item, level in levels])
+
+
+def _above_noise(item: Input) -> float:
+    return max(item.noise / NOISE_PART - item.unit.factor, 0.0)
 
 
 def times(model: StepModel, levels: FloatArray, factors: FloatArray) -> FloatArray:

@@ -156,11 +156,15 @@ def identified(
     read = tuple((str(name), read_points(graph, name, warn)) for name in recordings)
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
 
+    from faultbond.report.fit_result import with_seen_inputs  # noqa: PLC0415 - loads rich
+
+    text = with_seen_inputs(document.text, graph, (points for _, points in read))
+    graph = parse_model(text, file=graph.file)
     with threadpool_limits(1):  # matrices are small here, and threads would only wait
         if wishes.until_quiet:
             from faultbond.report.quiet_result import told_in_file  # noqa: PLC0415 - needed here alone
 
-            quieted = _quieted(document.text, graph, read, wishes, tell)
+            quieted = _quieted(text, graph, read, wishes, tell)
             return Identified(
                 graph=graph,
                 fitted=quieted.fitted,
@@ -172,8 +176,8 @@ def identified(
         from faultbond.report.doubts import earlier_doubt  # noqa: PLC0415 - needed here alone
 
         fitted, stopped = _fitted(graph, read, wishes, tell)
-        fitted = replace(fitted, doubt=earlier_doubt(document.text))
-        text = fitted.model_text(document.text)
+        fitted = replace(fitted, doubt=earlier_doubt(text))
+        text = fitted.model_text(text)
         if stopped is None:
             fitted = _tried_out(text, fitted, read, tell)
     text = fitted.with_false_alarms(text)

@@ -23,6 +23,7 @@ from faultbond.equations.linear import back, eliminate, triangle
 from faultbond.equations.plant import Plant
 from faultbond.equations.repeated import Repeated
 from faultbond.errors import StructureError
+from faultbond.model.graph import Input
 from faultbond.types import Hold
 
 GAMMA = 1.0 - 1.0 / sqrt(2.0)
@@ -31,6 +32,7 @@ NEWTON_PARTS = (1 / 64, 1 / 16, 1 / 4, 1.0, 4.0, 16.0, 64.0)
 MAX_SUBSTEPS = 8
 _RESOLVED = 0.25  # a substep is at most this part of the fastest time constant, up to MAX_SUBSTEPS
 _REFERENCE_STEPS = 100
+_UP = 0.75  # of the way from the lowest to the highest that an input was in the recordings of a fit
 _NUDGE_PARTS = (0.01, 0.1, 1.0)  # of what a step would bring to a store
 _SOLVED = 1e-6  # relative size of the next Newton step at a solution; far from one it is large
 _TINY = 1e-9  # a signal smaller than this is zero
@@ -340,8 +342,19 @@ def _felt(
 
 
 def reference_inputs(plant: Plant) -> FloatArray:
-    """Inputs of the nominal run (n_inputs,), SI: half range for percent, else one unit of the model file."""
-    return np.array([50.0 if item.unit.text == "percent" else item.unit.to_si(1.0) for item in plant.graph.inputs])
+    """Inputs of the nominal run (n_inputs,), SI: where they were in the recordings of a fit, at three quarters.
+
+    In the middle of a range that goes both ways nothing moves. Where it is not known: half range for percent, else one
+    unit of the model file.
+    """
+    return np.array([_usual_input(item) for item in plant.graph.inputs])
+
+
+def _usual_input(item: Input) -> float:
+    if item.fitted_range is not None:
+        lower, upper = item.fitted_range
+        return lower + _UP * (upper - lower)
+    return 50.0 if item.unit.text == "percent" else item.unit.to_si(1.0)
 
 
 def _reference(

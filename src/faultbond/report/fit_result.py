@@ -1,7 +1,7 @@
 """What a fit found: as records, as text for people, and as a model file."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from rich.text import Text
 
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.json_records import Record
+from faultbond.contract.samples import Sample
 from faultbond.errors import ModelError
 from faultbond.fit.healthy_changes import Believed
 from faultbond.fit.identification import Fit
@@ -122,7 +123,6 @@ class Fitted:
         section = dict.fromkeys((item.name for item in graph.sensors), "sensors")
         told = [(path[name], size) for name, size in self.declared_changes]
         told += [((section.get(name, "inputs"), name, "healthy_bias"), size) for name, size in self.declared_biases]
-        told += [(("inputs", name, "fitted_range"), ends) for name, ends in self.seen_inputs]
         return amended(text, told, graph.file)
 
     def with_false_alarms(self, text: str) -> str:
@@ -178,18 +178,6 @@ class Fitted:
                 told.append((item.name, _joined(rounded_up(found / unit.factor), unit)))
         return tuple(told)
 
-    @property
-    def seen_inputs(self) -> tuple[tuple[str, str], ...]:
-        """Where each input was in the recordings, from the lowest to the highest, as the model file states it."""
-        told = []
-        for k, item in enumerate(self.graph.inputs):
-            u = np.concatenate([record.u[:, k] for record in self.found.records])
-            lower, upper = (item.unit.from_si(float(end)) for end in (u.min(), u.max()))
-            step = 10.0 ** (math.floor(math.log10(max(abs(lower), abs(upper)))) - 2) if lower or upper else 1.0
-            ends = (math.floor(lower / step) * step, math.ceil(upper / step) * step)
-            told.append((item.name, f"[{', '.join(_joined(f'{end:.6g}', item.unit) for end in ends)}]"))
-        return tuple(told)
-
     def _compare(self, read: BondGraph) -> None:
         """Refuse a text that says anything but what was found."""
         graph, refusal = self.graph, f"{self.graph.file}: what was found cannot be written into it"
@@ -207,6 +195,25 @@ class Fitted:
         old = ("parameters", "sensors", "slow_errors", "correlations", "defaults")
         if dump_model(replace(read, **{name: getattr(graph, name) for name in old})) != dump_model(graph):
             raise ModelError(f"{refusal} without changing the rest")
+
+
+def with_seen_inputs(text: str, graph: BondGraph, read: Iterable[Sequence[Sample]]) -> str:
+    """Give the text of a model file with where each input is in recordings, which are grid points.
+
+    An input without a value stays as it was: a fit refuses it.
+    """
+    courses = np.array([point.u for points in read for point in points])
+    told = []
+    for k, item in enumerate(graph.inputs):
+        u = courses[np.isfinite(courses[:, k]), k]
+        if not len(u):
+            continue
+        lower, upper = (item.unit.from_si(float(end)) for end in (u.min(), u.max()))
+        step = 10.0 ** (math.floor(math.log10(max(abs(lower), abs(upper)))) - 2) if lower or upper else 1.0
+        ends = (math.floor(lower / step) * step, math.ceil(upper / step) * step)
+        value = f"[{', '.join(_joined(f'{end:.6g}', item.unit) for end in ends)}]"
+        told.append((("inputs", item.name, "fitted_range"), value))
+    return amended(text, told, graph.file)
 
 
 def fitted_model(graph: BondGraph, found: Fit, version: str, wanders: tuple[Wander, ...] = ()) -> Fitted:

@@ -89,3 +89,22 @@ def test_a_store_may_keep_its_content_however_full_it_begins(start: str) -> None
     (state,) = spec.states
     assert [(spec.parameters[index].name, power) for index, power in state.jumps] == [("C", -1.0)]
     assert state.start_mean == pytest.approx(10.0 if "1 mC" in start else 0.0)
+
+
+@pytest.mark.parametrize(("fitted", "inflow"), [("", 1.0), (", fitted_range: [8 m^3/s, 12 m^3/s]", 11.0)])
+def test_process_noise_is_that_of_where_the_plant_was(fitted: str, inflow: float) -> None:
+    """A square of a level of 22 m feels it eleven times as well as one of 2 m, at an inflow of one unit."""
+    text = f"""
+sample_time: 1 s
+accuracy: 5 %
+inputs: {{u: {{unit: m^3/s{fitted}}}}}
+components:
+  feed: {{type: Sf, law: f = u}}
+  tank: {{type: C, law: e = q/A, parameters: {{A: 1 m^2}}}}
+  pipe: {{type: R, law: f = e/R, parameters: {{R: 2 s/m^2}}}}
+junctions: {{level: 0}}
+bonds: [feed -> level -> tank, level -> pipe]
+sensors: {{squared: {{reads: tank.e**2, unit: m^2, noise: 1 m^2}}}}
+"""
+    (state,) = build_spec(build_model(parse_model(text))).states
+    assert state.noise == pytest.approx(0.02 / (2.0 * 2.0 * inflow), rel=1e-3)
