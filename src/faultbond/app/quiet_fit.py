@@ -13,7 +13,7 @@ from faultbond.app.signals import stop_of
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
-from faultbond.fit.cure import cured, strayed
+from faultbond.fit.cure import Cure, cured, strayed
 from faultbond.fit.foothold import Footing, as_found, values_of
 from faultbond.fit.further import better
 from faultbond.fit.healthy_changes import healthy_changes
@@ -200,7 +200,7 @@ def _searched(
     for rounds in range(ROUNDS + 1):
         better = None
         if _seems_quiet(stand, read, tell):
-            better = _cured(search, stand, asked, again=True) if rounds < ROUNDS else None
+            better = _cured(search, stand, asked, again=True).kept if rounds < ROUNDS else None
             if better is None:
                 tried, now = yield from _attempt(stand, now, text, graph, read, wishes, search.believed, tell)
                 if tried.quiet:
@@ -244,16 +244,21 @@ def _further(graph: BondGraph, stated: BondGraph) -> frozenset[str]:
 
 
 def _next(search: Search, stand: Footing, asked: dict[str, float]) -> Footing | None:
-    """Give where the next thing leads: what explains why parameters stray, a law's offset, else what foretells best."""
+    """Give where the next thing leads: what explains why parameters stray, a law's offset, else what foretells best.
+
+    What was asked for with parameters kept from straying would mostly be found again with them let go.
+    """
+    cure = _cured(search, stand, asked)
     return (
-        _cured(search, stand, asked)
+        cure.kept
         or centred(search, stand)
+        or cure.let_go
         or better(search, stand)
-        or _cured(search, stand, asked, again=True)
+        or _cured(search, stand, asked, again=True).kept
     )
 
 
-def _cured(search: Search, stand: Footing, asked: dict[str, float], *, again: bool = False) -> Footing | None:
+def _cured(search: Search, stand: Footing, asked: dict[str, float], *, again: bool = False) -> Cure:
     """Give where what explains why parameters stray leads, asked once, or `again` if something was added since.
 
     What is missing elsewhere hides it, so it is asked again at the end.
@@ -263,7 +268,7 @@ def _cured(search: Search, stand: Footing, asked: dict[str, float], *, again: bo
     number = len(stand.added)
     names = [name for name in strayed(search, stand) if asked.get(name, -1) < (number if again else 0)]
     asked |= dict.fromkeys(names, number)
-    return cured(search, stand) if names else None
+    return cured(search, stand) if names else Cure()
 
 
 def _seems_quiet(stand: Footing, read: Recordings, tell: Tell) -> bool:

@@ -1,7 +1,8 @@
-"""By what a law is multiplied that goes with a signal otherwise than it says: a power of it, or an exponential.
+"""By what a law is multiplied that goes with a signal otherwise than it says: a power of it, an exponential, or a bow.
 
 A film that is told to carry heat with the flow to the power 0.8 and does with 0.55 is off by the flow to the power
--0.25; a winding grows by a power of its temperature, a duct's law has an exponent of its own.
+-0.25; a winding grows by a power of its temperature, a duct's law has an exponent of its own. An efficiency is largest
+somewhere between, which no power is: its logarithm is a parabola of that of the flow.
 """
 
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ class Bend:
 
     by: a signal, an input, or what a law raises to a power; name: the signals and inputs in it; signed: whether it
     changes its sign, and its size counts. Without a least size the factor is an exponential, of what goes through zero
-    without being a size.
+    without being a size. bowed: whether the square of its logarithm counts.
     """
 
     by: Expression
@@ -31,22 +32,27 @@ class Bend:
     usual: float
     least: float = 0.0
     signed: bool = False
+    bowed: bool = False
 
     def logarithm(self, values: FloatArray) -> FloatArray:
         """Give the logarithm of the factor for a power of 1, (n,), at values (n,)."""
         if not self.least:
             return values / self.usual
-        return np.log(np.maximum(np.abs(values), self.least) / self.usual)
+        logarithm = np.log(np.maximum(np.abs(values), self.least) / self.usual)
+        return np.square(logarithm) if self.bowed else logarithm
 
     def factor(self, power: str) -> Expression:
         """Give the factor with the parameter that is its power."""
         if not self.least:
             return Call("exp", (Binary("/", Binary("*", Name(power), self.by), Number(self.usual)),))
         size = Call("abs", (self.by,)) if self.signed else self.by
-        return Binary("**", Binary("/", Call("max", (size, Number(self.least))), Number(self.usual)), Name(power))
+        ratio = Binary("/", Call("max", (size, Number(self.least))), Number(self.usual))
+        if not self.bowed:
+            return Binary("**", ratio, Name(power))
+        return Call("exp", (Binary("*", Name(power), Binary("**", Call("log", (ratio,)), Number(2.0))),))
 
 
-def bend_by(by: Expression, name: str, values: FloatArray, *, own: bool) -> Bend | None:
+def bend_by(by: Expression, name: str, values: FloatArray, *, own: bool, bowed: bool = False) -> Bend | None:
     """Give how a law may go with a signal; None where that is nothing, or always the same.
 
     Parameters
@@ -54,16 +60,17 @@ def bend_by(by: Expression, name: str, values: FloatArray, *, own: bool) -> Bend
     by, name : what it goes with, and the signals and inputs in that
     values : what it is at many moments, (n,), SI
     own : whether the law speaks of it already: then its size counts where it changes its sign
+    bowed : whether by the square of its logarithm; its size counts
     """
     sizes = np.abs(values)
     if not len(values) or not np.all(np.isfinite(values)) or not sizes.max() > 0.0:
         return None
-    if values.min() < 0.0 < values.max() and not own:
+    if values.min() < 0.0 < values.max() and not own and not bowed:
         found = Bend(by, name, _rounded(float(sizes.max())))
     else:
         usual = float(np.exp(np.mean(np.log(np.maximum(sizes, LEAST * sizes.max())))))
         least = max(BELOW * float(np.quantile(sizes, LOW)), LEAST * usual)
-        found = Bend(by, name, _rounded(usual), _rounded(least), signed=bool(values.min() < 0.0))
+        found = Bend(by, name, _rounded(usual), _rounded(least), signed=bool(values.min() < 0.0), bowed=bowed)
     return found if np.ptp(found.logarithm(values)) > 0.0 else None
 
 

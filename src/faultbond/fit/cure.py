@@ -5,6 +5,8 @@ friction, of the bearing behind a stiff shaft. So what is missing is asked for w
 declared; there it shows. It is kept where they then stay, and where letting them go would explain hardly more.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from faultbond.fit.foothold import Footing
@@ -19,11 +21,21 @@ def strayed(search: Search, stand: Footing) -> frozenset[str]:
     return frozenset(item.name for item in found if abs(strayed_by(item, stand.values[item.name])) > INSIDE)
 
 
-def cured(search: Search, stand: Footing) -> Footing | None:
+class Cure(NamedTuple):
+    """Where something leads that explains why parameters stray: with these kept inside what was declared, and let go.
+
+    kept : None where nothing explains what was held back about as well as that they were declared wrongly
+    let_go : None where that foretells nothing better
+    """
+
+    kept: Footing | None = None
+    let_go: Footing | None = None
+
+
+def cured(search: Search, stand: Footing) -> Cure:
     """Give where something leads with which parameters that strayed stay inside their declared accuracies.
 
-    None where nothing explains what was held back about as well as that they were declared wrongly. From then on their
-    declared accuracies count in the search.
+    Where they are kept, their declared accuracies count in the search from then on.
     """
     names = strayed(search, stand)
     search.tell(f"asking what else it may be that puts {', '.join(sorted(names))} far from what was declared")
@@ -33,13 +45,13 @@ def cured(search: Search, stand: Footing) -> Footing | None:
     further = better(search, held) if runs else None
     search.inside, search.refused = frozenset(), refused
     if further is None:
-        return None
+        return Cure()
     ground, before = search.ground(further.graph), search.believed
     free = ground.climbed(further)
     search.believed = before | names
     found = ground.climbed(further)
     gain = found.held - stand.held
     if gain >= WORTH and free.held - found.held <= max(FEWEST, CLOSE * gain) and not names & strayed(search, found):
-        return found
+        return Cure(kept=found)
     search.believed = before
-    return None
+    return Cure(let_go=free if free.held - stand.held >= WORTH else None)

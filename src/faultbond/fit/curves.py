@@ -15,7 +15,6 @@ from faultbond.model.graph import BondGraph, Check, Component
 from faultbond.model.parser import to_text
 from faultbond.types import CheckKind, ElementType
 
-SHARES = (0.02, 0.06, 0.2)  # by which the parameter changes (sd), for the powers that are tried
 MOST = 60  # curves that are tried at once; a parameter and what it may go with
 FOREIGN = 1.25  # times what the best gains over what its laws speak of
 BENDABLE = (ElementType.R, ElementType.SE, ElementType.SF, ElementType.BLOCK)
@@ -188,9 +187,10 @@ def movers_of(model: StepModel) -> dict[str, Expression]:
 def possible_curves(
     model: StepModel, courses: Mapping[str, FloatArray], known_off: Collection[str]
 ) -> tuple[Imperfection, ...]:
-    """Give the curves that a plant may have, each with the power by which its parameter changes by a hundredth (sd).
+    """Give the curves that a plant may have, each with a power of 0.
 
-    Of a large plant not all; over inputs of which the laws do not speak only where these are known to be off.
+    Of a large plant not all; over inputs of which the laws do not speak only where these are known to be off. Bows over
+    what they do speak of come last.
 
     Parameters
     ----------
@@ -203,7 +203,9 @@ def possible_curves(
     pairs += [(item, one) for item in items for one in item.near]
     pairs += [(item, one) for item in items if item.acts_on & set(known_off) for one in item.others]
     numbers = _numbers(model.plant.graph)
-    made = (_curve(item, one, courses.get(to_text(one), np.zeros(0)), numbers) for item, one in pairs)
+    asked = [(*pair, False) for pair in pairs]
+    asked += [(item, one, True) for item in items for one in item.spoken if item.parameter not in names(one)]
+    made = (_curve(item, one, courses.get(to_text(one), np.zeros(0)), numbers, bowed) for item, one, bowed in asked)
     found: dict[str, Imperfection] = {}  # by the name of the power; the first is that which a law raises to one
     for curve in made:
         if curve is not None:
@@ -211,18 +213,20 @@ def possible_curves(
     return tuple(found.values())[:MOST]
 
 
-def _curve(item: Bendable, by: Expression, course: FloatArray, numbers: Collection[str]) -> Imperfection | None:
+def _curve(
+    item: Bendable, by: Expression, course: FloatArray, numbers: Collection[str], bowed: bool
+) -> Imperfection | None:
     name = "_".join(name for name in names(by) if name not in numbers)
     is_own = by in item.spoken
-    bend = bend_by(by, name, course, own=is_own)
+    bend = bend_by(by, name, course, own=is_own, bowed=bowed)
     if bend is None:
         return None
-    size = 0.01 / float(np.std(bend.logarithm(course)))
-    return Imperfection(kind=Kind.CURVE, place=item.parameter, bend=bend, size=size, foreign=not is_own)
+    kind = Kind.BOW if bowed else Kind.CURVE
+    return Imperfection(kind=kind, place=item.parameter, bend=bend, size=0.0, foreign=not is_own)
 
 
 def likeliest_curves(asked: Iterable[tuple[Imperfection, float]]) -> list[tuple[Imperfection, float]]:
-    """Give each curve with the power that gains most, and that gain; the likeliest first.
+    """Give curves and what they would gain, the likeliest first.
 
     Over what its laws do not speak of one has to gain FOREIGN times as much as the best of the parameter over what they
     do.
@@ -230,14 +234,6 @@ def likeliest_curves(asked: Iterable[tuple[Imperfection, float]]) -> list[tuple[
     asked : curves and what they would gain, nats
     """
     order = sorted(asked, key=lambda item: item[1])
-    best = sorted({item.key: (item, gain) for item, gain in order}.values(), key=lambda item: item[1])
-    own = {item.place: gain for item, gain in best if not item.foreign}  # the last is the largest
-    worthy = [
-        (item, gain) for item, gain in best if not item.foreign or gain > FOREIGN * max(own.get(item.place, 0.0), 0.0)
-    ]
-    return sorted(worthy, key=lambda item: item[1], reverse=True)
-
-
-def powers_of(curve: Imperfection) -> tuple[Imperfection, ...]:
-    """Give a curve with the powers that are tried."""
-    return tuple(replace(curve, size=sign * 100.0 * part * curve.size) for part in SHARES for sign in (-1.0, 1.0))
+    own = {item.place: gain for item, gain in order if not item.foreign}  # the last is the largest
+    worthy = [(item, gain) for item, gain in order if not item.foreign or gain > FOREIGN * own.get(item.place, 0.0)]
+    return worthy[::-1]

@@ -19,7 +19,7 @@ from faultbond.errors import StructureError
 from faultbond.fit.curves import FOREIGN
 from faultbond.fit.delays import HINT, late_ones, other_holds
 from faultbond.fit.foothold import Added, Footing, keys_of
-from faultbond.fit.imperfections import Imperfection, Kind, parameter_name
+from faultbond.fit.imperfections import Imperfection, Kind, parameter_name, power_of
 from faultbond.fit.quiet_search import AGAIN, CLOSE, FEWEST, WORTH, Ground, Search
 
 TRIED = 3  # of the best of each kind, in each round
@@ -35,7 +35,7 @@ def better(search: Search, stand: Footing) -> Footing | None:
     if not (tried := worth_fitting(search, stand)):
         return None
     search.tell(f"fitting {', '.join(item.words for _, item, _ in tried)}")
-    climbed = [ground.climbed(stand, item, few=True) for ground, item, _ in tried]
+    climbed = [ground.climbed(stand, *powers_beside(stand, [item]), item, few=True) for ground, item, _ in tried]
     gains = [item.held - stand.held if np.isfinite(item.held) else -np.inf for item in climbed]
     most = max(gains, default=-np.inf)
     if not most >= WORTH:
@@ -62,8 +62,22 @@ def better(search: Search, stand: Footing) -> Footing | None:
         return joint
     good = {item.added[-1].what.key: item.added[-1].what for item in near}
     alike = tuple(what for key, what in good.items() if key != best.added[-1].what.key)
-    alone = added_together(search, stand, [replace(best.added[-1], alike=alike)])
+    more = _with_powers(stand, [replace(best.added[-1], alike=alike)])
+    alone = _without_needless(search, stand, added_together(search, stand, more), more)
     return alone if alone.held - stand.held >= WORTH else None  # it may have gained by other values of parameters
+
+
+def powers_beside(stand: Footing, items: Sequence[Imperfection]) -> list[Imperfection]:
+    """Give the powers that are fitted with bows, over the same: nobody knows where these have their ends."""
+    powers = (power_of(item) for item in items if item.kind is Kind.BOW)
+    return [item for item in powers if parameter_name(item) not in stand.values]
+
+
+def _with_powers(stand: Footing, more: Sequence[Added]) -> list[Added]:
+    """Give what is to be added, behind the first, with the powers of bows that are not there yet."""
+    keys = {item.what.key for item in more}
+    powers = (item for item in powers_beside(stand, [item.what for item in more]) if item.key not in keys)
+    return [more[0], *(Added(what=item, trained=0.0, held=0.0) for item in powers), *more[1:]]
 
 
 def plainest(asked: Sequence[tuple[Imperfection, float]]) -> list[tuple[Imperfection, float]]:
@@ -125,9 +139,11 @@ def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfec
     staged = _weighed(search, stand, [replace(item, order=STAGES) for item in long[:1]])
     likely += _likeliest(search, [(item, gain) for _, item, gain in staged])
     tried = [(search.ground_with(stand, (item,)), item, gain) for item, gain in plainest(likely)]
-    for like in (_likeliest(search, search.curves(stand)), slow):
+    for like in (_likeliest(search, plainest(search.curves(stand))), slow):
         if like:
-            shared = search.ground_with(stand, [item for item, _ in like if item.key not in keys_of(stand.graph)])
+            new = [item for item, _ in like if item.key not in keys_of(stand.graph)]
+            opened = {item.key: item for item in (*powers_beside(stand, new), *new)}
+            shared = search.ground_with(stand, list(opened.values()))
             tried = [*((shared, *item) for item in like), *tried]
     return tried
 
@@ -180,7 +196,7 @@ def _joint(search: Search, stand: Footing, best: Footing, others: Sequence[Footi
             chosen.append(item)
             places.add(place)
     while len(chosen) > 1:
-        more = [item.added[-1] for item in chosen]
+        more = _with_powers(stand, [item.added[-1] for item in chosen])
         search.tell(f"fitting {', '.join(item.what.words for item in more)} together")
         with suppress(StructureError):
             found = added_together(search, stand, more)

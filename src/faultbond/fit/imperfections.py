@@ -43,6 +43,7 @@ class Kind(Enum):
     RATE_LIMIT = "rate limit"
     OFFSET = "offset"
     CURVE = "curve"
+    BOW = "bow"
     HOLD = "linear hold"
     NEXT = "next hold"
 
@@ -50,7 +51,8 @@ class Kind(Enum):
 KIND_HOLDS = {Kind.HOLD: Hold.LINEAR, Kind.NEXT: Hold.NEXT}
 FORMS = (*KIND_HOLDS, Kind.ORDER)  # what is another form of something, and has no number that is fitted
 LATE = (Kind.LAG, Kind.RATE_LIMIT, *FORMS)
-TERMS = (Kind.OFFSET, Kind.CURVE)  # of laws
+CURVES = (Kind.CURVE, Kind.BOW)  # of a parameter
+TERMS = (Kind.OFFSET, *CURVES)  # of laws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,8 +60,9 @@ class Imperfection:
     """Something that a model may leave out: of which kind, of what, how large, over which time (s).
 
     size : standard deviation, SI or in parts; of a lag its time constant, s, and of its order that; of a rate limit the
-    highest rate, SI; of an offset that, SI; of a curve the power with which a parameter goes with a signal; of a
-    transient error how much larger it is for each unit by which an input moves; a hold has none
+    highest rate, SI; of an offset that, SI; of a curve the power with which a parameter goes with a signal, of a bow
+    that of the square of the logarithm; of a transient error how much larger it is for each unit by which an input
+    moves; a hold has none
     memory : of what is slow; of a rate limit the time constant beside it, which comes with it where there was none
     law : of an offset the component that gives the signal, and which of its laws does
     bend : of a curve, what the parameter goes with
@@ -113,10 +116,15 @@ class Imperfection:
     @property
     def is_definite(self) -> bool:
         """Whether it says what happens, and not only how far something may be off."""
-        return self.is_late or self.kind is Kind.CURVE
+        return self.is_late or self.kind in CURVES
 
     def is_more_than(self, other: "Imperfection") -> bool:
-        """Tell whether it is a lag in more stages than the other, of the same place, or a rate limit, which has one."""
+        """Tell whether it is more than the other, of the same place, and does what that does.
+
+        A lag in more stages, a rate limit, which has a lag, or a bow, which has a power.
+        """
+        if self.kind is Kind.BOW:
+            return (other.kind, other.place, other.by) == (Kind.CURVE, self.place, self.by)
         if self.place != other.place or other.kind is not Kind.LAG:
             return False
         return self.kind is Kind.RATE_LIMIT or (self.kind is Kind.LAG and self.order > other.order)
@@ -417,9 +425,16 @@ def without_slow_error(graph: BondGraph, item: Imperfection) -> BondGraph:
     return replace(graph, slow_errors=tuple(kept))
 
 
+def power_of(bow: Imperfection) -> Imperfection:
+    """Give the power of the same parameter over the same, so that the bow may have its end anywhere."""
+    bend = replace(bow.bend, bowed=False) if bow.bend else None
+    return replace(bow, kind=Kind.CURVE, bend=bend, size=0.0)
+
+
 def parameter_name(item: Imperfection) -> str:
     """Give the name of the parameter that is the size of a lag, a rate limit, an offset, or the power of a curve."""
-    words = f"{item.place}_by_{item.bend.name}" if item.bend else f"{item.place}_{item.kind.value}"
+    by = f"_by_{item.bend.name}" if item.bend else ""
+    words = f"{item.place}{by}" if item.kind is Kind.CURVE else f"{item.place}_{item.kind.value}{by}"
     return words.replace(".", "_").replace(" ", "_")
 
 

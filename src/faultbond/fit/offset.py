@@ -14,6 +14,7 @@ from faultbond.fit.curves import bendable_parameters
 from faultbond.fit.delays import HINT
 from faultbond.fit.evidence import joint_courses
 from faultbond.fit.foothold import Footing
+from faultbond.fit.further import plainest, powers_beside
 from faultbond.fit.imperfections import Imperfection, Kind, kind_of, parameter_name
 from faultbond.fit.quiet_search import AGAIN, WORTH, Search
 from faultbond.model.graph import SlowError
@@ -42,10 +43,11 @@ def centred(search: Search, stand: Footing) -> Footing | None:
 def _curves_instead(search: Search, stand: Footing, offset: Imperfection) -> Iterator[Footing]:
     """Give where the likeliest curve of a parameter of the law leads, if one promises a gain."""
     acting = {item.parameter for item in bendable_parameters(search.all.model) if offset.place in item.acts_on}
-    promised = [(item, gain) for item, gain in search.curves(stand) if item.place in acting and gain > HINT]
+    promised = [item for item in plainest(search.curves(stand)) if item[0].place in acting and item[1] > HINT]
     for curve, _ in promised[:1]:
         search.tell(f"fitting {curve.words}")
-        yield search.ground_with(stand, (curve,)).climbed(stand, curve)
+        more = [*powers_beside(stand, [curve]), curve]
+        yield search.ground_with(stand, more).climbed(stand, *more)
 
 
 def likely_offsets(search: Search, stand: Footing) -> list[tuple[Imperfection, float]]:

@@ -19,14 +19,15 @@ from faultbond.arrays import FloatArray
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
 from faultbond.errors import StructureError
-from faultbond.fit.ascent import Summit, ascend
+from faultbond.fit.ascent import START_PRIOR, Summit, ascend
 from faultbond.fit.certainty import inverse_of
-from faultbond.fit.curves import likeliest_curves, movers_of, possible_curves, powers_of
+from faultbond.fit.curves import likeliest_curves, movers_of, possible_curves
 from faultbond.fit.delays import in_a_loop
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, evidence_of, foretold, joint_courses, likelihoods
 from faultbond.fit.foothold import Added, Footing, in_time, keys_of, values_at, with_noise, with_orders
 from faultbond.fit.identification import FEW_WILD, WIDE, WILD, Fit, fit_at
 from faultbond.fit.imperfections import (
+    CURVES,
     FORMS,
     UNTRIED,
     Imperfection,
@@ -38,6 +39,7 @@ from faultbond.fit.imperfections import (
     memory_place,
     parameter_name,
     possible,
+    power_of,
     signals_behind,
     size_place,
     with_imperfections,
@@ -46,8 +48,9 @@ from faultbond.fit.imperfections import (
     without_slow_error,
 )
 from faultbond.fit.likelihood import Likelihood, build_begin, felt_moves, known_starts, layout_of, nominal_q
-from faultbond.fit.objective import FitPoint, FittedPlant, Scored, score_recordings, ways_of
+from faultbond.fit.objective import FitPoint, FittedPlant, Scored, evaluate_likelihood, score_recordings, ways_of
 from faultbond.fit.samples import HealthyRecording
+from faultbond.fit.score import score_gains
 from faultbond.fit.stray import INSIDE
 from faultbond.fit.unknowns import Unknowns, unknowns_of
 from faultbond.model.expression import Name
@@ -195,7 +198,7 @@ class Search:
         """Give slow errors that the model does not declare, and curves, each of which the recordings would not miss."""
         own = keys_of(self.graph)
         slow = [item for item in stand.added if item.what.is_slow and item.what.key not in own]
-        curves = [item for item in stand.added if item.what.kind is Kind.CURVE]
+        curves = [item for item in stand.added if item.what.kind in CURVES]
         if not curves and len(slow) < 2:  # what was added last is of use
             return []
         gains = self.asking(stand)[1]([replace(item.what, size=UNTRIED) for item in slow])
@@ -216,7 +219,7 @@ class Search:
         self.tell("asking what each imperfection would gain")
         usual, gains_of = self.asking(stand)
         known = {item.what.key for item in stand.added}
-        added = {item.what.place for item in stand.added if item.what.kind not in (Kind.CURVE, Kind.TRANSIENT)}
+        added = {item.what.place for item in stand.added if item.what.kind not in (*CURVES, Kind.TRANSIENT)}
         loops = in_a_loop(stand, self.trained, self.all.model.direct)
         free = (
             x
@@ -249,7 +252,7 @@ class Search:
         return self.asked
 
     def curves(self, stand: Footing) -> list[tuple[Imperfection, float]]:
-        """Give by which power each parameter may go with what, and what that would gain, nats, the likeliest first."""
+        """Give what each parameter may go with, and what that would gain, nats, the likeliest first."""
         self.tell("asking what parameters may go with")
         q, starts = self.all.q_of(stand), self.all.starts_of(stand)
         rows = [joint_courses(self.all.plant(q), *item, q) for item in zip(self.trained, starts, strict=True)]
@@ -260,9 +263,8 @@ class Search:
         if not new:
             return []
         with suppress(StructureError):  # the equations may be left without an order in which to solve them
-            tried = [power for item in new for power in powers_of(item)]
-            gains = self.ground_with(stand, new, slopes=False).gains_of(stand, tried)
-            return likeliest_curves(zip(tried, gains.tolist(), strict=True))
+            gains = self.ground_with(stand, new).curve_gains(stand, new)
+            return likeliest_curves(zip(new, gains, strict=True))
         return []
 
     def asking(self, stand: Footing) -> tuple[dict[str, float], Callable[[Sequence[Imperfection]], list[float]]]:
@@ -379,6 +381,29 @@ class Ground:
         declared = np.array([self.with_one(q, item) for item in tried])
         return likelihoods(self.plant(q), self.search.few, starts, declared) - stand.few
 
+    def curve_gains(self, stand: Footing, new: Sequence[Imperfection]) -> list[float]:
+        """Give what each of some curves would gain, nats, once all else that is fitted has followed it.
+
+        A bow has the power of the same beside it. What stands at an end of where it may be stays there.
+        """
+        q, records = self.q_of(stand), self.search.few
+        plant = self.plant(q, [*(item.what for item in stand.added), *new])
+        unknowns = plant.unknowns
+        values = np.clip(values_at(plant, q), unknowns.lower, unknowns.upper)
+        begin = self.begin_of(records, self.search.begin)
+        point = replace(begin, values=values, starts=self.starts_of(stand)[: len(records)])
+        found = evaluate_likelihood(plant, records, point)
+        places = {item.name: k for k, item in enumerate(unknowns.parameters)}
+        at = {parameter_name(item): places[parameter_name(item)] for item in new}
+        sd = np.full(len(found.score), START_PRIOR)
+        sd[: len(values)] = unknowns.widened(self.widths(unknowns))
+        moves = np.ones(len(sd), dtype=bool)
+        moves[: len(values)] = (unknowns.lower < values) & (values < unknowns.upper)
+        sd[list(at.values())], moves[list(at.values())] = np.inf, False
+        beside = ([item, power_of(item)] if item.kind is Kind.BOW else [item] for item in new)
+        groups = [[at[name] for name in map(parameter_name, each) if name in at] for each in beside]
+        return score_gains(found, sd**-2.0, moves, groups)
+
     def q_of(self, stand: Footing) -> FloatArray:
         """Give q with everything as it stands, (n_q,); what is not part of it is next to nothing."""
         q, layout = nominal_q(self.model), self.layout
@@ -425,7 +450,7 @@ class Ground:
         base[layout.n_p :] = q[layout.n_p :]
         beside = (lag_of(item) for item in opened if item.kind is Kind.RATE_LIMIT)
         named = [(parameter_name(item), item.kind) for item in (*opened, *beside) if item.is_parameter]
-        lags, curves = ({name for name, kind in named if kind is wanted} for wanted in (Kind.LAG, Kind.CURVE))
+        lags, curves = ({name for name, kind in named if kind in wanted} for wanted in ((Kind.LAG,), CURVES))
         further = {name for name, _ in named}
         sizes = {size_place(self.graph, layout, item): item for item in opened if item.kind in SIZED}
         memories = {memory_place(self.graph, layout, item): item for item in opened if item.is_slow}
@@ -554,7 +579,7 @@ class Ground:
 
 
 def _without(graph: BondGraph, item: Imperfection) -> BondGraph:
-    take = without_slow_error if item.is_slow else without_curve if item.kind is Kind.CURVE else without_lag
+    take = without_slow_error if item.is_slow else without_curve if item.kind in CURVES else without_lag
     return take(graph, item)
 
 
@@ -564,7 +589,7 @@ def _opened(item: Imperfection, lag: float) -> Imperfection:
         return replace(item, memory=lag)
     if item.kind in (Kind.OFFSET, Kind.ORDER):
         return item
-    return replace(item, size={Kind.LAG: lag, Kind.CURVE: 0.0}.get(item.kind, UNTRIED))
+    return replace(item, size={Kind.LAG: lag, **dict.fromkeys(CURVES, 0.0)}.get(item.kind, UNTRIED))
 
 
 def _shortened(record: HealthyRecording) -> HealthyRecording:

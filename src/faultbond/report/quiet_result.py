@@ -13,6 +13,7 @@ from faultbond.contract.json_records import Record
 from faultbond.fit.bend import Bend
 from faultbond.fit.foothold import Added
 from faultbond.fit.imperfections import (
+    CURVES,
     KIND_HOLDS,
     TERMS,
     Imperfection,
@@ -200,7 +201,7 @@ def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
     """Give a size in the unit of what it is of, and the unit; SI of a signal of which no unit is declared."""
     if item.kind is Kind.TRANSIENT:
         return _growth(graph, item)
-    if item.kind is Kind.CURVE:
+    if item.kind in CURVES:
         return item.size, "1"
     if item.kind in (Kind.RELATIVE, Kind.WANDER):
         return 100.0 * item.size, "%"
@@ -401,12 +402,16 @@ def _curve_words(graph: BondGraph, item: Imperfection) -> str:
     usual = f"{short(unit.from_si(bend.usual))} {unit_text(unit.text)}".rstrip()
     if not bend.least:
         return f"{item.place} is exp({power} {item.by}/{usual}) times what it is where {item.by} is 0"
+    size = f"the size of {item.by}" if bend.signed else item.by
+    if bend.bowed:
+        other = math.expm1(item.size * math.log(2.0) ** 2)
+        than = f"{short(100.0 * abs(other))} % {'larger' if other > 0.0 else 'smaller'}"
+        return f"{item.place} is {than} where {size} is half of {usual}, or twice, than where it is that"
     laws = (law.right for part in graph.components if item.place in part.parameters for law in part.laws)
     stated = {
         known.value for law in laws for base, known in powers(law) if base == bend.by and isinstance(known, Number)
     }
     whole = "".join(f", so with {known + item.size:.3g} where it has {known:g}" for known in stated)
-    size = f"the size of {item.by}" if bend.signed else item.by
     return (
         f"{item.place} goes with {size} to the power {power}, beside what its law says{whole}; "
         f"its value is that at {usual}"

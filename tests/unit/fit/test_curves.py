@@ -25,7 +25,6 @@ from faultbond.fit.curves import (
     likeliest_curves,
     movers_of,
     possible_curves,
-    powers_of,
 )
 from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.imperfections import (
@@ -33,6 +32,7 @@ from faultbond.fit.imperfections import (
     Kind,
     laws_of_signals,
     parameter_name,
+    power_of,
     with_imperfections,
     without_curve,
 )
@@ -113,8 +113,14 @@ def everything_of(model: StepModel) -> set[str]:
 
 @pytest.mark.parametrize(
     "bend",
-    [Bend(X, "x", 2.0, 0.5), Bend(X, "x", 2.0, 0.5, signed=True), Bend(X, "x", 4.0)],
-    ids=["power", "size", "exponential"],
+    [
+        Bend(X, "x", 2.0, 0.5),
+        Bend(X, "x", 2.0, 0.5, signed=True),
+        Bend(X, "x", 4.0),
+        Bend(X, "x", 2.0, 0.5, bowed=True),
+        Bend(X, "x", 2.0, 0.5, signed=True, bowed=True),
+    ],
+    ids=["power", "size", "exponential", "bow", "bow of a size"],
 )
 def test_what_is_written_is_what_is_compared(bend: Bend) -> None:
     """The factor in the law has the logarithm that is told for a power of 1, times its power."""
@@ -245,8 +251,9 @@ def test_two_curves_have_two_names() -> None:
     graph = parse_model(COOLER.replace("(flow/usual)**0.8*e", "(flow/usual)**0.8*(1 + flow/usual)*e"))
     model = build_step_model(build_plant(graph))
     found = [item for item in possible_curves(model, courses_of(model), ()) if item.place == "h"]
-    assert [item.by for item in found] == ["flow/usual", "film.e", "metal_side.e"]
-    assert len({parameter_name(item) for item in found}) == len(found)
+    assert [item.by for item in found] == ["flow/usual", "film.e", "metal_side.e", "flow/usual", "film.e"]
+    assert [item.kind for item in found] == [Kind.CURVE] * 3 + [Kind.BOW] * 2  # over what the law speaks of
+    assert len({parameter_name(item) for item in found}) == len({item.key for item in found}) == len(found)
 
 
 def test_a_fault_of_a_flow_moves_what_goes_with_it() -> None:
@@ -330,17 +337,6 @@ def test_over_other_inputs_only_where_the_law_is_off(model: StepModel) -> None:
     assert found[1] - found[0] == foreign
 
 
-def test_powers_change_the_law_by_as_much(model: StepModel) -> None:
-    """Of each curve those powers are tried that change the law's value by a fiftieth to a fifth."""
-    courses = courses_of(model)
-    for curve in possible_curves(model, courses, set()):
-        assert curve.bend is not None
-        spread = np.std(curve.bend.logarithm(courses[curve.by]))
-        assert sorted(item.size * spread for item in powers_of(curve)) == pytest.approx(
-            [-0.2, -0.06, -0.02, 0.02, 0.06, 0.2]
-        )
-
-
 def curve_over(by: str, *, foreign: bool) -> Imperfection:
     """Give a curve of h."""
     return Imperfection(kind=Kind.CURVE, place="h", bend=Bend(Name(by), by, 1.0, 0.1), foreign=foreign)
@@ -378,15 +374,30 @@ def test_a_curve_over_what_drives_a_flow_does_not_stand_for_one_over_the_flow(
 
 @pytest.mark.parametrize(("factor", "kept"), [(0.99, ["flow/usual"]), (1.01, ["metal_side.e", "flow/usual"])])
 def test_what_the_law_speaks_of_comes_first(factor: float, kept: list[str]) -> None:
-    """A curve over something else has to gain a quarter more; of each the best power counts."""
-    gains = {"flow/usual": 40.0, "metal_side.e": 40.0 * FOREIGN * factor, "load": -3.0}
-    asked = [
-        (replace(curve_over(by, foreign=by != "flow/usual"), size=size), gain - size)
-        for by, gain in gains.items()
-        for size in (0.2, 0.0, 0.1)
-    ]
-    found = likeliest_curves(asked)
-    assert [(item.by, item.size, gain) for item, gain in found] == [(by, 0.0, gains[by]) for by in kept]
+    """A curve over something else has to gain a quarter more."""
+    gains = {"flow/usual": 40.0, "metal_side.e": 40.0 * FOREIGN * factor, "load": 3.0}
+    found = likeliest_curves((curve_over(by, foreign=by != "flow/usual"), gain) for by, gain in gains.items())
+    assert [(item.by, gain) for item, gain in found] == [(by, gains[by]) for by in kept]
+
+
+def test_of_a_power_and_a_bow_the_power_is_kept_that_explains_as_much() -> None:
+    """Whatever a bow gains has the power beside it; over something else or of another parameter it is its own."""
+    power = curve_over("flow", foreign=False)
+    bend = Bend(Name("flow"), "flow", 1.0, 0.1, bowed=True)
+    bow = replace(power, kind=Kind.BOW, bend=bend)
+    assert power_of(bow).key == power.key
+    others = [(replace(bow, place="k"), 100.0), (replace(bow, bend=replace(bend, by=Name("load"))), 100.0)]
+    assert further.plainest([(power, 98.0), (bow, 100.0), *others]) == [(power, 98.0), *others]
+    assert further.plainest([(power, 90.0), (bow, 100.0)]) == [(power, 90.0), (bow, 100.0)]
+
+
+def test_a_bow_has_a_power_beside_it_unless_that_is_there() -> None:
+    """Nobody knows where it has its end; what was added before is not added twice."""
+    bow = replace(curve_over("flow", foreign=False), kind=Kind.BOW, bend=Bend(X, "flow", 1.0, 0.1, bowed=True))
+    stand = Footing(graph=parse_model(COOLER), values={}, starts={})
+    found = further.powers_beside(stand, [bow, curve_over("flow", foreign=False)])
+    assert [(item.kind, item.bend, item.size) for item in found] == [(Kind.CURVE, Bend(X, "flow", 1.0, 0.1), 0.0)]
+    assert further.powers_beside(replace(stand, values={"h_by_flow": 0.1}), [bow]) == []
 
 
 @pytest.mark.parametrize(("loss", "is_kept"), [(WORTH - 0.1, False), (WORTH + 0.1, True)])
@@ -482,8 +493,11 @@ def test_a_curve_is_told_in_words(bend: Bend, told: str) -> None:
     assert _curve_words(parse_model(COOLER), item) == told.replace("-", MINUS)
 
 
-def recorded(folder: Path, exponent: float, seed: int) -> Path:
-    """Give a recording of a cooler whose film goes with the flow to a power, made by hand in steps of a second."""
+def recorded(folder: Path, exponent: float, seed: int, bow: float = 0.0) -> Path:
+    """Give a recording of a cooler whose film goes with the flow to a power, made by hand in steps of a second.
+
+    With a bow that power is another one for each flow.
+    """
     rng = np.random.default_rng(seed)
     flow, load, t_in, oil, metal, rows = 20.0, 2000.0, 18.0, 40.0, 28.0, []
     for k in range(900):
@@ -492,7 +506,8 @@ def recorded(folder: Path, exponent: float, seed: int) -> Path:
             flow, load, t_in = rng.uniform(6.0, 40.0), rng.uniform(800.0, 5000.0), rng.uniform(16.0, 20.0)
         rows[-1][1:4] = flow, load, t_in
         for _ in range(10):
-            through, out = 180.0 * (oil - metal), 260.0 * (flow / 20.0) ** exponent * (metal - t_in)
+            power = exponent + bow * np.log(flow / 20.0)
+            through, out = 180.0 * (oil - metal), 260.0 * (flow / 20.0) ** power * (metal - t_in)
             oil, metal = oil + (load - through) / 60e3, metal + (through - out) / 30e3
     path = folder / f"{seed}.csv"
     names = ["time", "flow", "load", "t_in", "t_oil", "t_metal"]
@@ -521,3 +536,25 @@ def test_another_power_is_found(exponent: float, tmp_path: Path, monkeypatch: py
         power = load_model(tmp_path / "quiet.yaml").parameter("h_by_flow")
         assert power.nominal == pytest.approx(exponent - 0.8, abs=4.0 * power.accuracy)
         assert power.accuracy < 0.01
+
+
+def test_what_is_largest_somewhere_between_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A film that carries most at some flow beside what its law says, which is no power of it: a bow, and its place."""
+    monkeypatch.setattr(quiet_fit, "smallest_faults", lambda *_, **__: [])
+    model, target, output = tmp_path / "model.yaml", tmp_path / "records.jsonl", tmp_path / "quiet.yaml"
+    model.write_text(COOLER, encoding="utf-8")
+    made = [recorded(tmp_path, 0.75, seed, bow=-0.15) for seed in (1, 2)]
+    words = ["fit", *map(str, (model, *made)), "--until-quiet", "--starts", "1", "-o", str(output)]
+    assert main([*words, "--json", str(target)]) == DONE
+    quiet = json.loads(target.read_text(encoding="utf-8").splitlines()[-1])
+    assert quiet["quiet"]
+    assert {(item["kind"], item["of"], item["over"]) for item in quiet["added"]} == {
+        ("curve", "h", "flow/usual"),
+        ("bow", "h", "flow/usual"),
+    }
+    bow = load_model(output).parameter("h_bow_by_flow")
+    assert bow.nominal == pytest.approx(-0.15, abs=4.0 * bow.accuracy)
+    assert bow.accuracy < 0.01
+    assert "% smaller where flow/usual is half of" in " ".join(capsys.readouterr().out.split())

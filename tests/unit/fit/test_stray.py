@@ -3,6 +3,7 @@
 import json
 from collections.abc import Generator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -18,7 +19,7 @@ from faultbond.app.quiet_fit import _next
 from faultbond.cli import DONE, main
 from faultbond.fit import cure, identification
 from faultbond.fit.ascent import Summit, ascend
-from faultbond.fit.cure import cured, strayed
+from faultbond.fit.cure import Cure, cured, strayed
 from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.identification import Fit, fit_plant
 from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
@@ -239,12 +240,15 @@ def test_what_is_missing_is_kept_where_it_explains_as_much(
     explained = replace(stand, held=fake.gain) if fake.found else None
     monkeypatch.setattr(cure, "better", lambda *_: explained)
     assert strayed(search, stand) == {"R"}
-    found = cured(search, stand)
+    found, let_go = cured(search, stand)
     assert (found is not None) == is_cured
+    assert (let_go is not None) == bool(case.keys() & {"free", "ends"})
     assert search.believed == ({"R"} if is_cured else frozenset())
     assert search.inside == frozenset()
     if found is not None:
         assert found.values["R"] == 2.1
+    if let_go is not None:
+        assert (let_go.values["R"], let_go.held) == (3.0, fake.gain + fake.free)
 
 
 def test_each_is_asked_first_and_once_more_at_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -255,14 +259,29 @@ def test_each_is_asked_first_and_once_more_at_the_end(monkeypatch: pytest.Monkey
     asked: dict[str, float] = {}
     calls: list[str] = []
     monkeypatch.setattr("faultbond.app.quiet_fit.strayed", lambda *_: frozenset({"R"}))
-    for name in ("cured", "centred", "better"):
-        monkeypatch.setattr(f"faultbond.app.quiet_fit.{name}", lambda *_, name=name: calls.append(name))
     graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
+    answers: dict[str, object] = {"cured": Cure(), "centred": None, "better": None}
+
+    def answer(name: str, *_: object) -> object:
+        calls.append(name)
+        return answers[name]
+
+    for name in answers:
+        monkeypatch.setattr(f"faultbond.app.quiet_fit.{name}", partial(answer, name))
     lag = Added(what=Imperfection(kind=Kind.LAG, place="u"), trained=1.0, held=1.0)
     for added in ((), (), (lag,), (lag,)):
         stand = Footing(graph=graph, values={}, starts={}, added=added)
         assert _next(cast(Search, None), stand, asked) is None
     assert calls == [*("cured", "centred", "better"), *("centred", "better") * 2, "cured", *("centred", "better")]
+    calls.clear()
+    kept, let_go, centred = (Footing(graph=graph, values={}, starts={}) for _ in range(3))
+    answers |= {"cured": Cure(let_go=let_go)}  # what would be found again is not asked for again
+    assert _next(cast(Search, None), stand, {}) is let_go
+    answers |= {"centred": centred}
+    assert _next(cast(Search, None), stand, {}) is centred
+    answers |= {"cured": Cure(kept=kept)}
+    assert _next(cast(Search, None), stand, {}) is kept
+    assert calls == ["cured", "centred"] * 2 + ["cured"]
 
 
 BLOCKS = """
@@ -361,7 +380,7 @@ def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest
         return SimpleNamespace(quiet=True), now
 
     monkeypatch.setattr(quiet_fit, "_seems_quiet", lambda *_: True)
-    monkeypatch.setattr(quiet_fit, "_cured", lambda *_, again: cures.pop(0) if again else None)
+    monkeypatch.setattr(quiet_fit, "_cured", lambda *_, again: Cure(kept=cures.pop(0)) if again else Cure())
     monkeypatch.setattr(quiet_fit, "_attempt", attempt)
     search = SimpleNamespace(lasting=lambda stand: stand, believed=frozenset())
     now = Quieted(fitted=cast(Any, None), text="", held=(), stated=True, promise=1.0)
