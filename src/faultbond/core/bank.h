@@ -52,8 +52,8 @@ static int64_t slots_begun(const Job *job)
     return job->stage == SLOTS ? done : 0;
 }
 
-/* Take one more packed sample into all lanes that have begun. */
-static void advance_bank(State *state, const double *packed, BankMemory *memory, Filters *filters)
+/* Take one more packed sample into all lanes that have begun. old: see `hand_on`. */
+static void advance_bank(State *state, const double *packed, double old, BankMemory *memory, Filters *filters)
 {
     Bank *bank = &state->bank;
     int64_t resting = 0;
@@ -62,7 +62,7 @@ static void advance_bank(State *state, const double *packed, BankMemory *memory,
     advance_steps(bank, steps_begun(&state->job), packed, &state->normal, memory->innovations, &memory->steps, &filters->plain);
     if (!IS_OUTSIDE(packed))
         hand_on(bank, slots_begun(&state->job), state->clock.index > state->clock.alarm + AWAITED, state->clock.index,
-                state->clock.time, &memory->slots);
+                state->clock.time, old, &memory->slots);
     advance_slots(bank, slots_begun(&state->job), state->clock.index - state->clock.alarm, packed, &state->normal,
                   memory->innovations[0] + N_STEPS, FB_ROOM(N_LANES), &filters->wide, &memory->slots);
     advance_couples(bank, packed, &state->normal, memory->innovations[0] + N_STEPS + N_SLOT_LANES, FB_ROOM(N_LANES), &filters->wide,

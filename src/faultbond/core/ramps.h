@@ -17,6 +17,8 @@
 #define ENDS_EARLY 10.0 /* and so many more */
 #define MOVING_SDS 2.0   /* of its sd a rate is half sure to be one */
 #define LONGEST_RAMP 1e9 /* s */
+#define LONG_BEFORE 1.25 /* times as long as since the filter learned nothing of what has been under way for long, at most, */
+#define HALF_AT_ONCE 2.0 /* and else times as long as it was there: what would have taken longer was there by half at once */
 #define N_RAMPS ((SWITCHED - RAMPED) / 2)
 
 /* The drift of a pair, and what has come to stay. */
@@ -32,9 +34,16 @@ static double ends_now(int64_t age, double size, double rate, double variance)
     return sure > 0.0 ? sure * ENDING / ((double)(age > 0 ? age : 0) + ENDS_EARLY) : 1e-300;
 }
 
-/* Let what moves end at a moment, s, in the pairs of the memory. age: samples since each began; extra: weight, in logarithm,
-   that what moves has beside what stays. */
-static void end_ramps(const int64_t *age, const double *extra, double time, SlotMemory *memory)
+/* The longest that what began so many samples ago can have taken, s. A drift begins with any size: after a change at once that
+   settles a little it has a small rate, at which all of it would have taken hours, since long before the fault. */
+static inline double longest_ramp(int64_t age)
+{
+    return SAMPLE_TIME > 0.0 ? HALF_AT_ONCE * SAMPLE_TIME * (double)age : LONGEST_RAMP;
+}
+
+/* Let what moves end at a moment, s, in the pairs of the memory; what was there by half at once took no time. age: samples since
+   each began; longest: that each can have taken, s; extra: weight, in logarithm, that what moves has beside what stays. */
+static void end_ramps(const int64_t *age, const double *longest, const double *extra, double time, SlotMemory *memory)
 {
     const int size = AT_SLOT, rate = AT_SLOT + 1;
     double sizes[FB_LANES], rates[FB_LANES], variances[FB_LANES];
@@ -49,7 +58,7 @@ static void end_ramps(const int64_t *age, const double *extra, double time, Slot
         by.there_comes[l] = -INFINITY;
         by.gone_stays[l] = 0.0;
         by.gone_comes[l] = log(ends) + extra[l];
-        sizes[l] = took > 0.0 && took < LONGEST_RAMP ? took : 0.0;
+        sizes[l] = took > 0.0 && took < longest[l] ? took : 0.0;
     }
     mix_modes(&by, memory);
     gone[ROLE_ENDED] = blend(memory->kept[1], gone[ROLE_ENDED], broadcast(time));
@@ -87,9 +96,13 @@ static void run_ramps(double (*moves)[GROUP], double (*stays)[GROUP], const Trai
         }
         for (int64_t place = from; place < end; place++) {
             int64_t age[FB_LANES];
-            for (int l = 0; l < FB_LANES; l++) age[l] = trail->oldest + place - onset[part + l];
+            double longest[FB_LANES];
+            for (int l = 0; l < FB_LANES; l++) {
+                age[l] = trail->oldest + place - onset[part + l];
+                longest[l] = longest_ramp(age[l]);
+            }
             if (!IS_OUTSIDE(sample_at(trail, place)))
-                end_ramps(age, none, trail->past->rows[(trail->oldest + place) % N_ROWS].time, memory);
+                end_ramps(age, longest, none, trail->past->rows[(trail->oldest + place) % N_ROWS].time, memory);
             step_both(sample_at(trail, place), normal, filter, memory);
         }
         for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
@@ -194,20 +207,23 @@ static void take_slot(const Bank *bank, int64_t lane, int l, double (*to)[FB_LAN
 }
 
 /* Let what moves come to stay before a sample, `number`, at a time, s, in those lanes of which the first n_begun have
-   begun. Until all have, each pair is by itself (not `together`), as it is where it begins. */
-static void hand_on(Bank *bank, int64_t n_begun, int together, int64_t number, double time, SlotMemory *memory)
+   begun. old: when what has been under way for long was not there yet, s. Until all have, each pair is by itself (not
+   `together`), as it is where it begins. */
+static void hand_on(Bank *bank, int64_t n_begun, int together, int64_t number, double time, double old,
+                    SlotMemory *memory)
 {
     const int64_t *onset = bank->onset + N_STEPS;
     const int rate = AT_SLOT + 1;
     for (int64_t first = 0; first < N_RAMPS; first += FB_LANES) {
         int64_t age[FB_LANES] = {0}, pairs[FB_LANES], n = 0;
-        double extra[FB_LANES] = {0.0};
+        double extra[FB_LANES] = {0.0}, longest[FB_LANES] = {0.0};
         for (int64_t pair = first; pair < N_RAMPS && pair < first + FB_LANES; pair++) {
             const int64_t drift = together ? likeliest_drift(bank, pair) : drift_of(pair);
             if (drift < 0 || stay_of(pair) >= n_begun || rests(bank, stay_of(pair))) continue;
             take_slot(bank, drift, (int)n, memory->moves);
             take_slot(bank, stay_of(pair), (int)n, memory->stays);
             age[n] = number - onset[drift];
+            longest[n] = SLOT_OLD[drift] ? LONG_BEFORE * (time - old) : longest_ramp(age[n]);
             extra[n] = SLOT_WEIGHT[drift] - SLOT_WEIGHT[stay_of(pair)];
             pairs[n++] = pair;
         }
@@ -217,7 +233,7 @@ static void hand_on(Bank *bank, int64_t n_begun, int together, int64_t number, d
             memory->there[i] = load(memory->moves[i]);
             memory->gone[i] = load(memory->stays[i]);
         }
-        end_ramps(age, extra, time, memory);
+        end_ramps(age, longest, extra, time, memory);
         for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
             store(memory->stays[i], memory->gone[i]);
             for (int64_t l = 0; l < n; l++) *number_of_slot(bank, stay_of(pairs[l]), i) = memory->stays[i][l];

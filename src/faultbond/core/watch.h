@@ -107,32 +107,6 @@ static void report_filter(const State *state, int64_t status, const double *pack
     for (int k = 0; k < N_SLOW; k++) report->slow[k] = state->healthy.lane[AT_SLOW + k] / SLOW_SD[k];
 }
 
-/* Keep a packed sample with the healthy lane after it, and after an alarm take it into the bank. */
-static void keep(State *state, const double *packed, const double *lane, double wildness, Work *work)
-{
-    Row *row = row_of(&state->past, state->clock.index);
-    memcpy(row->sample, packed, sizeof row->sample);
-    if (lane) memcpy(row->lane, lane, sizeof row->lane);
-    else memset(row->lane, 0, sizeof row->lane);
-    row->time = state->clock.time;
-    row->wildness = wildness;
-    if (state->clock.alarm < 0) return;
-    advance_bank(state, packed, &work->bank, &work->filters);
-    work_on(state, &work->bank, &work->filters);
-}
-
-/* Take the healthy lane after a sample, with what is kept of it for long. walks: of TRIANGLE(N_PARAMETERS), memory. */
-static void remember(State *state, const double *lane, double *walks)
-{
-    Healthy *healthy = &state->healthy;
-    memcpy(healthy->lane, lane, sizeof healthy->lane);
-    learn_travel(healthy);
-    judge_walks(state->clock.index, &state->clock, &state->inputs, state->normal.rates, healthy, walks);
-    keep_for_long(state->clock.index, &state->clock, 1, healthy);
-}
-
-FB_SELDOM
-
 /* The lane of long ago from which drifts under way begin: that from before a walk that raised the alarm, else the oldest of the
    windows up to OLD_WINDOW; NULL: none is kept. */
 static const double *oldest_lane(const State *state)
@@ -148,6 +122,33 @@ static const double *oldest_lane(const State *state)
     }
     return NULL;
 }
+
+/* Keep a packed sample with the healthy lane after it, and after an alarm take it into the bank. */
+static void keep(State *state, const double *packed, const double *lane, double wildness, Work *work)
+{
+    Row *row = row_of(&state->past, state->clock.index);
+    memcpy(row->sample, packed, sizeof row->sample);
+    if (lane) memcpy(row->lane, lane, sizeof row->lane);
+    else memset(row->lane, 0, sizeof row->lane);
+    row->time = state->clock.time;
+    row->wildness = wildness;
+    if (state->clock.alarm < 0) return;
+    const double *old = oldest_lane(state);
+    advance_bank(state, packed, old ? old[KEPT_TIME] : -INFINITY, &work->bank, &work->filters);
+    work_on(state, &work->bank, &work->filters);
+}
+
+/* Take the healthy lane after a sample, with what is kept of it for long. walks: of TRIANGLE(N_PARAMETERS), memory. */
+static void remember(State *state, const double *lane, double *walks)
+{
+    Healthy *healthy = &state->healthy;
+    memcpy(healthy->lane, lane, sizeof healthy->lane);
+    learn_travel(healthy);
+    judge_walks(state->clock.index, &state->clock, &state->inputs, state->normal.rates, healthy, walks);
+    keep_for_long(state->clock.index, &state->clock, 1, healthy);
+}
+
+FB_SELDOM
 
 /* The trail up to now. */
 static void trail_of(const State *state, Trail *trail)

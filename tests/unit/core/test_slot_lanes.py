@@ -115,7 +115,10 @@ void t_begin_at(int64_t onset, const double *peak, double *to)
     }
 }
 void t_choose(int64_t *drift, int64_t *begins) { choose_ramps(&state.bank, drift, begins); }
-void t_hand_on(int64_t number, double time) { hand_on(&state.bank, SWITCHED, 1, number, time, &work.bank.slots); }
+void t_hand_on(int64_t number, double time, double old)
+{
+    hand_on(&state.bank, SWITCHED, 1, number, time, old, &work.bank.slots);
+}
 void t_advance(int64_t since, const double *packed, double *innovations, int64_t stride)
 {
     advance_slots(&state.bank, N_SLOT_LANES, since, packed, &state.normal, innovations, stride, &work.filters.wide,
@@ -296,8 +299,16 @@ def interacted(lanes: FloatArray, switching: float = 1.0 / 300.0) -> FloatArray:
     return np.array(found).T
 
 
-def ended(moves: FloatArray, stays: FloatArray, age: int, time: float, extra: float = 0.0) -> FloatArray:
-    """A drift of so many samples and what it comes to, both (n_numbers,), after it may have come to its end."""
+OLD = 30.0  # s; when what has been under way for long was not there yet
+
+
+def ended(
+    moves: FloatArray, stays: FloatArray, age: int, time: float, extra: float = 0.0, old: float | None = None
+) -> FloatArray:
+    """A drift of so many samples and what it comes to, both (n_numbers,), after it may have come to its end.
+
+    What was there by half at once took no time, nor what would have begun long before `old`, a time, where it began.
+    """
     rate, variance = moves[RATE], moves[covariance_place(WIDE, RATE, RATE)]
     ends = (
         max(rate**2 / (rate**2 + 4.0 * variance) * 0.5 / (age + 10.0), 1e-300) if moves[SIZE] * rate > 0.0 else 1e-300
@@ -305,6 +316,8 @@ def ended(moves: FloatArray, stays: FloatArray, age: int, time: float, extra: fl
     come = moves[-1] + np.log(ends) + extra
     stay, goes = merged(stays, moves, stays[-1], come), moves.copy()
     kept, took = np.exp(stays[-1] - stay[-1]), moves[SIZE] / rate if moves[SIZE] * rate > 0.0 else 0.0
+    longest = 2.0 * 0.5 * age if old is None else 1.25 * (time - old)
+    took = took if took < longest else 0.0
     stay[ENDED], stay[TOOK] = kept * stays[ENDED] + (1.0 - kept) * time, kept * stays[TOOK] + (1.0 - kept) * took
     full = unpack(WIDE, stay[WIDE.covariance_slice])
     stay[RATE], full[RATE], full[:, RATE] = 0.0, 0.0, 0.0
@@ -538,8 +551,8 @@ def test_the_likeliest_drift_hands_on_what_it_knows(core: Core) -> None:
     lanes[-1, RAMPED] = np.nan  # a drift that is no number hands on nothing
     core.put(of, None, lanes)
     core.onsets[:] = 10 + np.arange(N)
-    core.library.t_hand_on(ctypes.c_int64(200), ctypes.c_double(55.0))
-    wanted = lanes.copy()
+    core.library.t_hand_on(ctypes.c_int64(200), ctypes.c_double(55.0), ctypes.c_double(OLD))
+    wanted, lengths = lanes.copy(), list[tuple[bool, bool]]()
     for stay in range(RAMPED + 1, SWITCHED, 2):
         drifts = [
             k
@@ -548,12 +561,15 @@ def test_the_likeliest_drift_hands_on_what_it_knows(core: Core) -> None:
         ]
         best = max(drifts, key=lambda k: np.nan_to_num(lanes[-1, k], nan=-np.inf) + PLAN.weight[k])
         extra = PLAN.weight[best] - PLAN.weight[stay]
-        wanted[:, stay] = ended(lanes[:, best], lanes[:, stay], 190 - best, 55.0, extra)[1]
+        since = OLD if PLAN.lanes[best].old else None
+        wanted[:, stay] = ended(lanes[:, best], lanes[:, stay], 190 - best, 55.0, extra, since)[1]
+        lengths.append((since is None, wanted[TOOK, stay] > 0.0))
         for k in set(drifts) - {RAMPED}:
             wanted[-1, k] = ended(lanes[:, k], lanes[:, stay], 190 - k, 55.0)[0][-1]
     left = [k for k in range(N) if k != RAMPED]
     assert close(core.lanes()[:, left], wanted[:, left])
     assert np.any(wanted[ENDED, RAMPED:SWITCHED] > 1.0)
+    assert {(True, True), (True, False)} <= set(lengths)
 
 
 @pytest.mark.parametrize("parameter", [-1, 0, 1])

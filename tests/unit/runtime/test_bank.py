@@ -43,7 +43,7 @@ void t_begin(State *state)
 void t_advance(State *state, const double *packed)
 {
     prepare_filters(&work.filters);
-    advance_bank(state, packed, &work.bank, &work.filters);
+    advance_bank(state, packed, -INFINITY, &work.bank, &work.filters);
 }
 """
 
