@@ -17,8 +17,17 @@ from faultbond.analysis.smallest import SmallestFault
 from faultbond.app import identification, quiet_fit
 from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
-from faultbond.app.quiet_fit import Attempt, apart_if_quieter, lowered_if_quiet, promising, put_on_trial, widened
+from faultbond.app.quiet_fit import (
+    Attempt,
+    apart_if_quieter,
+    known_where_it_walks,
+    lowered_if_quiet,
+    promising,
+    put_on_trial,
+    widened,
+)
 from faultbond.app.signals import Stopped
+from faultbond.arrays import FloatArray
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
 from faultbond.contract.findings import Unexplained
@@ -88,21 +97,22 @@ def write(
     lag: float = 0.0,
     wander: float = 0.0,
     warm: float = 1.0,
-    drop: float = 0.0,
+    drop: float | FloatArray = 0.0,
     levels: Sequence[float] = (-4.0, -1.0, 2.0, 5.0),
 ) -> Path:
     """Write a recording of the winding: its sensor lags by `lag` s; its voltage wanders by a part, over a second.
 
-    warm: times its resistance; drop: voltage lost beside it, V; levels: of the source, V
+    warm: times its resistance; drop: voltage lost beside it, V, (rows,) where that changes; levels: of the source, V
     """
     rng = np.random.default_rng(seed)
     voltage = np.repeat(rng.choice(levels, rows // 40 + 1), 40)[:rows]
     current, seen, slow, values = 0.0, 0.0, 0.0, []
+    lost = np.broadcast_to(drop, rows)
     for k in range(rows):
         values.append((seen if lag else current) + NOISE * rng.standard_normal())
         slow = slow * np.exp(-STEP) + wander * np.sqrt(1 - np.exp(-2 * STEP)) * rng.standard_normal()
         decay = np.exp(-R * warm / L * STEP)
-        after = decay * current + (1 - decay) * (voltage[k] * (1 + slow) - drop) / (R * warm)
+        after = decay * current + (1 - decay) * (voltage[k] * (1 + slow) - lost[k]) / (R * warm)
         if lag:
             seen += (1 - np.exp(-STEP / lag)) * (0.5 * (current + after) - seen)
         current = after
@@ -1203,6 +1213,39 @@ def test_what_does_not_go_together_is_left_apart(tmp_path: Path, *, is_true: boo
     assert tied.quiet == is_true
     assert found.quiet
     assert bool(found.graph.correlations) == is_true
+
+
+@dataclass(frozen=True, slots=True)
+class Walking:
+    """A fit with a constant in the law of R, which is declared as known or not."""
+
+    added: frozenset[str]
+    graph: BondGraph
+    known: frozenset[str] = frozenset()
+    correlations: tuple[str, ...] = ()
+
+    def model_text(self, text: str) -> str:
+        """The text of the model with what was found."""
+        return text.replace("ACCURACY", "0 V" if self.known else "1 mV")
+
+
+@pytest.mark.parametrize("added", [frozenset({"lost"}), frozenset[str]()])
+def test_what_was_added_and_walks_is_declared_as_known(tmp_path: Path, added: frozenset[str]) -> None:
+    """No fault is sought in it, so that it moves is no alarm; what the user declared stays as it is."""
+    text = MODEL.replace("{R: 3 ohm}", "{R: 3 ohm, lost: {nominal: 50 mV, accuracy: ACCURACY, suspect: no}}")
+    text = text.replace("type: R,", 'type: R, law: "e = R*f + lost",').replace("nominal: 2.5 H", "nominal: 2.2 H")
+    text = text.replace("R: 3 ohm", "R: {nominal: 3.3 ohm, accuracy: 0.2 %}")
+    rows = 6000
+    made = write(tmp_path / "a.csv", seed=3, rows=rows, drop=np.repeat([0.08, 0.02], rows // 2))
+    fitted = Walking(added=added, graph=parse_model(text.replace("ACCURACY", "1 mV"), file="m.yaml"))
+    first = put_on_trial(
+        fitted.model_text(text), cast("Fitted", fitted), [("a", read_points(fitted.graph, str(made)))], lambda _: None
+    )
+    assert first.health.walker == "lost"
+    assert first.health.walk > ROOM
+    found = known_where_it_walks(first, text, lambda _: None)
+    assert found.graph.parameter("lost").accuracy == (0.0 if added else 0.001)
+    assert (found.health.walk <= ROOM) == bool(added)
 
 
 def test_a_short_recording_is_refused(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -64,6 +64,7 @@ class Fitted:
     strays: parameters that the fit puts far outside what was declared
     apart: whether it is left out how fitted parameters go together, as they do not while healthy
     added: parameters that no file declared, but a search for what is missing
+    known: those of them that are declared as known, since what is uncertain of them walks while healthy
     doubt: what an earlier fit found doubtful, as the first line of the model says
     alarms: when the fitted model alarms on the recordings, s, by their names; None: it was not asked
     """
@@ -79,6 +80,7 @@ class Fitted:
     strays: tuple[Stray, ...] = ()
     apart: bool = False
     added: frozenset[str] = frozenset()
+    known: frozenset[str] = frozenset()
     doubt: str = ""
     alarms: Mapping[str, float] | None = None
 
@@ -94,6 +96,7 @@ class Fitted:
         fitted = {item.parameter.name for item in self.estimates}
         kept = [item for item in self.graph.correlations if fitted.isdisjoint((item.one, item.other))]
         pairs = {} if self.apart else correlations_of(self.found, self.estimates, self.healthy_changes)
+        pairs = {names: value for names, value in pairs.items() if self.known.isdisjoint(names)}
         found = [Correlation(one=one, other=other, value=value) for (one, other), value in pairs.items()]
         return tuple(sorted((*kept, *found), key=lambda item: (order[item.one], order[item.other])))
 
@@ -110,7 +113,7 @@ class Fitted:
         what = [*(item.parameter.name for item in self.estimates), *(f"noise of {item.name}" for item in changed)]
         remark = f"{', '.join(Path(item.name).name for item in self.found.records)}: {join(what)}."
         remark += stray_remark(self.strays) or self.doubt
-        parameters = [_new_parameter(item) for item in self.estimates]
+        parameters = [_new_parameter(item, known=item.parameter.name in self.known) for item in self.estimates]
         written = rewrite(text, self.graph, parameters, sizes, remark)
         written = with_correlations(written, correlation_rows(self.correlations))
         read = parse_model(written, file=self.graph.file)
@@ -162,7 +165,8 @@ class Fitted:
             accuracy, value = fitted.get(item.name, (item.accuracy, item.nominal))
             found, least = moves.get(item.name, 0.0), core_settings()["MOVES_BY"] * accuracy
             found = max(found, item.healthy_change if is_shared(self.doubt) else 0.0)
-            if found > least or (item.name in self.healthy_changes and item.healthy_change > least):
+            is_told = found > least or (item.name in self.healthy_changes and item.healthy_change > least)
+            if is_told and item.name not in self.known:
                 told.append((item.name, _spread_text(max(found, least), item.nominal and value, item.unit)))
         return tuple(told)
 
@@ -184,7 +188,8 @@ class Fitted:
         for item in self.estimates:
             back = read.parameter(item.parameter.name)
             value = 0.0 if item.stays_zero else item.value
-            if abs(back.nominal - value) > _CLOSE * item.accuracy or back.accuracy < 0.99 * item.accuracy:
+            surer = back.accuracy < 0.99 * item.accuracy and back.name not in self.known
+            if abs(back.nominal - value) > _CLOSE * item.accuracy or surer:
                 raise ModelError(f"{graph.file}: what was found of {back.name} cannot be written into it")
         wanted = {item.name: item.to_declare for item in self.noises if isinstance(item.of, Sensor)}
         for sensor in read.sensors:
@@ -231,15 +236,18 @@ def fitted_model(graph: BondGraph, found: Fit, version: str, wanders: tuple[Wand
     )
 
 
-def _new_parameter(item: Estimate) -> NewParameter:
-    """Give what is to be written of a parameter; a nominal value of 0 stays where the data agree with it."""
+def _new_parameter(item: Estimate, *, known: bool = False) -> NewParameter:
+    """Give what is to be written of a parameter; a nominal value of 0 stays where the data agree with it.
+
+    known : whether it is declared as known exactly
+    """
     parameter, unit = item.parameter, item.parameter.unit
     if item.stays_zero:
         size = _joined(rounded_up(item.to_declare / unit.factor), unit)
         return NewParameter(name=parameter.name, nominal=_joined("0", unit), others=(("accuracy", size),))
     digits = min(max(math.ceil(math.log10(abs(item.value) / item.accuracy)) + 3, 3), 15) if item.accuracy > 0 else 15
     nominal = _joined(f"{unit.from_si(item.value):.{digits}g}", unit)
-    others = [("accuracy", _accuracy_text(item, in_unit=abs(item.value) < item.accuracy))]
+    others = [("accuracy", "0 %" if known else _accuracy_text(item, in_unit=abs(item.value) < item.accuracy))]
     if parameter.nominal == 0.0 and math.isinf(parameter.lower) and math.isinf(parameter.upper):
         others.append(("range", "any"))
     return NewParameter(name=parameter.name, nominal=nominal, others=tuple(others))
