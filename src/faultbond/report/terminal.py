@@ -12,7 +12,7 @@ from faultbond.report.console import bare_table, facts, set_width
 from faultbond.report.numbers import Notation
 from faultbond.report.verdict import RunCounts, TableRow, view_of
 
-TABLE_WIDTH = 112  # columns of the ranked table, whose units are long, where the output is a file or a pipe
+TABLE_WIDTH = 140  # columns of the ranked table at most, where the output is a file or a pipe: units and names are long
 GROUP_MARK = "●"
 WHOLE = ("kind", "nominal", "estimate ± sd", "change", "%")  # columns that are not folded
 RIGHT = ("nominal", "change", "%")

@@ -50,8 +50,10 @@ def steps(seed: int) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.repeat(np.random.default_rng(seed).choice([-4.0, -1.0, 2.0, 5.0], 30), 40)
 
 
-def test_a_highest_rate_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A source that moves by 12 V/s at most is told as that, and nothing else: no store and no error stand for it."""
+def test_a_highest_rate_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A source that moves by 12 V/s at most is told as that, with its lag, and no store and no error stand for it."""
     monkeypatch.setattr(quiet_fit, "_smallest", lambda *_: [(), ()])
     found = fitted(tmp_path, TRUE.replace("{unit: V}", "{unit: V, lag: 0.06 s, rate_limit: 12 V/s}"), steps)
     (added,) = found["added"]
@@ -64,6 +66,8 @@ def test_a_highest_rate_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert graph.parameter("V_lag").nominal == pytest.approx(0.06, rel=0.2)
     assert graph.parameter("R").nominal == pytest.approx(3.05, rel=0.01)
     assert graph.parameter("L").nominal == pytest.approx(2.5, rel=0.02)
+    told = " ".join(capsys.readouterr().out.split())
+    assert "trusted V_lag: no fault is sought in it" in told
 
 
 def test_a_dead_time_is_found_as_a_lag_in_stages(
