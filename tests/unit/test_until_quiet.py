@@ -921,6 +921,9 @@ def test_what_was_found_is_written_when_the_search_is_stopped(
     assert (record["stopped"], record["rounds"], record["added"], record["raised"]) == (True, 0, [], [])
     written = load_model(output)
     assert written.parameter("R").nominal == pytest.approx(R, rel=0.02)
+    accuracies = {item.name: item.accuracy / item.nominal for item in written.parameters}
+    assert accuracies == pytest.approx({"R": 0.03, "L": 0.05}, rel=0.04)  # as stated: nothing was put on trial
+    assert not written.correlations
     assert written.input("V").fitted_range == pytest.approx((-4.0, 5.0))
     told = " ".join(capsys.readouterr().out.split()), " ".join(page.read_text(encoding="utf-8").split())
     for text in told:

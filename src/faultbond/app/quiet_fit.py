@@ -30,7 +30,15 @@ from faultbond.model.text import parse_model
 from faultbond.model.validity import without_states
 from faultbond.report.doubts import earlier_doubt
 from faultbond.report.fit_result import Fitted, fitted_model
-from faultbond.report.quiet_result import Quieted, Resized, amended_text, lowered_text, raised_text, widened_text
+from faultbond.report.quiet_result import (
+    Quieted,
+    Resized,
+    amended_text,
+    lowered_text,
+    raised_text,
+    widened_text,
+    with_stated_accuracies,
+)
 from faultbond.runtime.core import Core
 from faultbond.synthesis.engine import build_model
 
@@ -91,10 +99,19 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
         if asked_to is None:
             raise
         tell("working out what was found by then")
-        return replace(found(), stopped=asked_to.number)
+        return replace(_by_then(found(), graph), stopped=asked_to.number)
     except Exception as error:
-        return replace(found(), failed=error)
+        return replace(_by_then(found(), graph), failed=error)
     return found()
+
+
+def _by_then(now: Quieted, stated: BondGraph) -> Quieted:
+    """Give what was found where somebody stops the search.
+
+    Before a trial nobody knows whether accuracies as the data tell them are wide enough, so that they stay as stated:
+    who goes on from there is else told that parameters are far outside of what a search had said half-way.
+    """
+    return now if now.health is not None else replace(now, text=with_stated_accuracies(now.text, stated))
 
 
 def _steps(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Iterator[ByThen]:

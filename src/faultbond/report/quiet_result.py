@@ -25,12 +25,14 @@ from faultbond.fit.imperfections import (
 from faultbond.fit.innovations import Variant
 from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.trial import Health
-from faultbond.model.amend import Path, amended
+from faultbond.model.amend import Path, amended, with_correlations
+from faultbond.model.correlations import correlation_rows
 from faultbond.model.dump import law_text, scalar_text
 from faultbond.model.expression import Binary, Name, Number, powers, without_factor
 from faultbond.model.graph import BondGraph, SlowError, Unit
 from faultbond.model.parser import to_text
 from faultbond.model.rewrite import MARK, NewSize, parameter_path, rewrite
+from faultbond.model.text import parse_model
 from faultbond.report.analysis import heat_lines
 from faultbond.report.console import lines, table, title, under
 from faultbond.report.doubts import stray_records
@@ -276,6 +278,18 @@ def lowered_text(
 def widened_text(text: str, graph: BondGraph, times: Mapping[str, float]) -> str:
     """Give a model text in which accuracies are so many times as large, by the name of the parameter."""
     return amended(text, list(_accuracies(graph, times)), graph.file)
+
+
+def with_stated_accuracies(text: str, stated: BondGraph) -> str:
+    """Give a fitted model text in which no parameter is surer than it was stated, and none go together beyond that."""
+    text = with_correlations(text, correlation_rows(stated.correlations))
+    read, times = parse_model(text, file=stated.file), dict[str, float]()
+    for item in stated.parameters:
+        found = read.parameter(item.name)
+        part = abs(found.nominal / item.nominal) if item.nominal else 1.0
+        if found.accuracy > 0.0 and item.accuracy * part > found.accuracy:
+            times[item.name] = item.accuracy * part / found.accuracy
+    return widened_text(text, read, times)
 
 
 def _accuracies(graph: BondGraph, times: Mapping[str, float]) -> Iterator[tuple[Path, str]]:
