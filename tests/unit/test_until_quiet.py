@@ -423,7 +423,7 @@ def test_a_lag_that_was_tried_in_vain_is_tried_once_more_where_it_promises_more(
     search.refused = {} if refused is None else {lag.key: refused}
     ground = SimpleNamespace(best_late=lambda _, item: (item, gain))
     monkeypatch.setattr(Search, "profile", lambda *_: [])
-    monkeypatch.setattr(Search, "curves", lambda *_: [])
+    monkeypatch.setattr(Search, "curves", lambda *_: (None, []))
     monkeypatch.setattr(Search, "ground_with", lambda *_, **__: ground)
     monkeypatch.setattr(further, "late_ones", lambda *_: [(lag, 2.0 * HINT)])
     monkeypatch.setattr(further, "other_holds", lambda *_: [])
@@ -440,7 +440,7 @@ def test_a_slow_error_that_was_tried_in_vain_is_so_once_more_where_it_promises_m
     search.trained, search.all = (), cast("Any", SimpleNamespace(model=SimpleNamespace(direct=())))
     search.refused = {slow.key: refused}
     monkeypatch.setattr(Search, "profile", lambda *_: [(slow, 8.0)])
-    monkeypatch.setattr(Search, "curves", lambda *_: [])
+    monkeypatch.setattr(Search, "curves", lambda *_: (None, []))
     monkeypatch.setattr(Search, "ground_with", lambda *_, **__: None)
     monkeypatch.setattr(further, "late_ones", lambda *_: [])
     monkeypatch.setattr(further, "other_holds", lambda *_: [])
@@ -459,7 +459,7 @@ def test_a_lag_that_gained_nothing_is_asked_for_again_where_more_speaks_for_it(m
         return item, FEWEST - 1.0
 
     monkeypatch.setattr(Search, "profile", lambda *_: [])
-    monkeypatch.setattr(Search, "curves", lambda *_: [])
+    monkeypatch.setattr(Search, "curves", lambda *_: (None, []))
     monkeypatch.setattr(Search, "ground_with", lambda *_, **__: SimpleNamespace(best_late=best))
     monkeypatch.setattr(further, "late_ones", lambda *_: [(lag, hints[0])])
     monkeypatch.setattr(further, "other_holds", lambda *_: [])
@@ -713,20 +713,21 @@ def test_a_curve_of_the_same_law_may_do_better(held: float, wins: str, monkeypat
     ]
     asked: list[Imperfection] = []
 
-    def ground(_: Footing, items: Sequence[Imperfection]) -> object:
-        asked.extend(items)
-        worth = 50.0 if items[0] is offset else held
-        return SimpleNamespace(
-            climbed=lambda stand, item: replace(stand, held=worth, added=(Added(what=item, trained=0.0, held=worth),))
-        )
+    def climbed(stand: Footing, item: Imperfection) -> Footing:
+        asked.append(item)
+        worth = 50.0 if item is offset else held
+        return replace(stand, held=worth, added=(Added(what=item, trained=0.0, held=worth),))
 
     monkeypatch.setattr(offset_module, "likely_offsets", lambda *_: [(offset, 9.0)])
     search = SimpleNamespace(
         refused={},
         tell=lambda _: None,
-        ground_with=ground,
+        ground_with=lambda *_: SimpleNamespace(climbed=climbed),
         all=SimpleNamespace(model=model),
-        curves=lambda _: list(zip(curves, (99.0, HINT + 1.0, HINT - 1.0), strict=True)),
+        curves=lambda _: (
+            SimpleNamespace(climbed=climbed),
+            list(zip(curves, (99.0, HINT + 1.0, HINT - 1.0), strict=True)),
+        ),
     )
     found = centred(cast("Search", search), stand)
     assert asked == [offset, curves[1]]

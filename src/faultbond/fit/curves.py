@@ -9,7 +9,7 @@ from faultbond.arrays import FloatArray
 from faultbond.equations.constraint_network import build_network
 from faultbond.equations.step import StepModel
 from faultbond.fit.bend import bend_by
-from faultbond.fit.imperfections import TEMPERATURE, Imperfection, Kind, assignments, parameter_name
+from faultbond.fit.imperfections import TEMPERATURE, Imperfection, Kind, assignments, parameter_name, power_of
 from faultbond.model.expression import Binary, Expression, Name, Number, factors, names, powers, rebuilt
 from faultbond.model.graph import BondGraph, Check, Component
 from faultbond.model.parser import to_text
@@ -210,7 +210,15 @@ def possible_curves(
     for curve in made:
         if curve is not None:
             found.setdefault(parameter_name(curve), curve)
-    return tuple(found.values())[:MOST]
+    apart = {name for name, item in found.items() if item.kind is Kind.BOW and not _has_power(item, found)}
+    return tuple(item for name, item in found.items() if name not in apart)[:MOST]
+
+
+def _has_power(bow: Imperfection, found: Mapping[str, Imperfection]) -> bool:
+    """Tell whether the power over the same, beside which a bow is fitted, is among what was found, by its name."""
+    power = power_of(bow)
+    name = parameter_name(power)
+    return name in found and found[name].key == power.key
 
 
 def _curve(

@@ -139,12 +139,11 @@ def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfec
     staged = _weighed(search, stand, [replace(item, order=STAGES) for item in long[:1]])
     likely += _likeliest(search, [(item, gain) for _, item, gain in staged])
     tried = [(search.ground_with(stand, (item,)), item, gain) for item, gain in plainest(likely)]
-    for like in (_likeliest(search, plainest(search.curves(stand))), slow):
-        if like:
-            new = [item for item, _ in like if item.key not in keys_of(stand.graph)]
-            opened = {item.key: item for item in (*powers_beside(stand, new), *new)}
-            shared = search.ground_with(stand, list(opened.values()))
-            tried = [*((shared, *item) for item in like), *tried]
+    ground, curves = search.curves(stand)
+    tried = [*((ground, *item) for item in _likeliest(search, plainest(curves))), *tried]
+    if slow:
+        shared = search.ground_with(stand, [item for item, _ in slow if item.key not in keys_of(stand.graph)])
+        tried = [*((shared, *item) for item in slow), *tried]
     return tried
 
 

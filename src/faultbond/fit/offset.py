@@ -43,11 +43,11 @@ def centred(search: Search, stand: Footing) -> Footing | None:
 def _curves_instead(search: Search, stand: Footing, offset: Imperfection) -> Iterator[Footing]:
     """Give where the likeliest curve of a parameter of the law leads, if one promises a gain."""
     acting = {item.parameter for item in bendable_parameters(search.all.model) if offset.place in item.acts_on}
-    promised = [item for item in plainest(search.curves(stand)) if item[0].place in acting and item[1] > HINT]
+    ground, curves = search.curves(stand)
+    promised = [item for item in plainest(curves) if item[0].place in acting and item[1] > HINT]
     for curve, _ in promised[:1]:
         search.tell(f"fitting {curve.words}")
-        more = [*powers_beside(stand, [curve]), curve]
-        yield search.ground_with(stand, more).climbed(stand, *more)
+        yield ground.climbed(stand, *powers_beside(stand, [curve]), curve)
 
 
 def likely_offsets(search: Search, stand: Footing) -> list[tuple[Imperfection, float]]:

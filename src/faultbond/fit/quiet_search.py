@@ -251,8 +251,8 @@ class Search:
         self.asked = sorted(best.values(), key=lambda item: item[1], reverse=True)
         return self.asked
 
-    def curves(self, stand: Footing) -> list[tuple[Imperfection, float]]:
-        """Give what each parameter may go with, and what that would gain, nats, the likeliest first."""
+    def curves(self, stand: Footing) -> tuple["Ground", list[tuple[Imperfection, float]]]:
+        """Give a plant that may have all curves, and these, with what each would gain, nats, the likeliest first."""
         self.tell("asking what parameters may go with")
         q, starts = self.all.q_of(stand), self.all.starts_of(stand)
         rows = [joint_courses(self.all.plant(q), *item, q) for item in zip(self.trained, starts, strict=True)]
@@ -260,12 +260,10 @@ class Search:
         possible = possible_curves(self.all.model, self.all.signals_at(np.concatenate(rows)), off)
         own = {item.name for item in self.graph.parameters}
         new = [item for item in possible if item.place in own and parameter_name(item) not in stand.values]
-        if not new:
-            return []
         with suppress(StructureError):  # the equations may be left without an order in which to solve them
-            gains = self.ground_with(stand, new).curve_gains(stand, new)
-            return likeliest_curves(zip(new, gains, strict=True))
-        return []
+            ground = self.ground_with(stand, new) if new else self.all
+            return ground, likeliest_curves(zip(new, ground.curve_gains(stand, new) if new else [], strict=True))
+        return self.all, []
 
     def asking(self, stand: Footing) -> tuple[dict[str, float], Callable[[Sequence[Imperfection]], list[float]]]:
         """Give the usual size of each signal, and what tells what imperfections would gain with all else as it is."""

@@ -475,8 +475,8 @@ def print_quiet(console: Console, graph: BondGraph, found: Quieted) -> None:
 def _trusted_words(found: Quieted) -> list[str]:
     """Say of which lags that were added no fault is sought, and how one is."""
     late = (lag_of(item.what) if item.what.kind is Kind.RATE_LIMIT else item.what for item in found.added)
-    own = {item.name for item in found.fitted.graph.parameters} - found.fitted.added
-    lags = [name for item in late if item.kind is Kind.LAG and (name := parameter_name(item)) not in own]
+    lags = [parameter_name(item) for item in late if item.kind is Kind.LAG]
+    lags = [name for name in lags if name in found.fitted.added]
     if not lags:
         return []
     them = "it" if len(lags) == 1 else "them"

@@ -344,10 +344,14 @@ def test_what_strayed_with_another_may_be_off_as_far_as_it_moved() -> None:
 def test_how_far_a_doubtful_value_may_be_off_does_not_become_less(doubt: str, size: str) -> None:
     """A fit of what was found finds that it stays; without a doubt that is what counts."""
     graph = parse_model(MODEL.replace("RESISTANCE", "{nominal: 2 ohm, healthy_change: 40 %}"), file="m.yaml")
-    fake = SimpleNamespace(graph=graph, estimates=(), healthy_changes={"R": 0.2}, moves={"R": 0.2}, doubt=doubt)
+    fake = SimpleNamespace(
+        graph=graph, estimates=(), healthy_changes={"R": 0.2}, moves={"R": 0.2}, doubt=doubt, known=frozenset()
+    )
     changes = cast(property, Fitted.declared_changes).fget
     assert changes is not None
     assert dict(changes(fake))["R"] == size
+    fake.known = frozenset({"R"})
+    assert "R" not in dict(changes(fake))  # nor of what is declared as known
 
 
 def test_what_a_search_added_was_declared_by_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
