@@ -17,8 +17,7 @@
 #define ENDS_EARLY 10.0 /* and so many more */
 #define MOVING_SDS 2.0   /* of its sd a rate is half sure to be one */
 #define LONGEST_RAMP 1e9 /* s */
-#define LONG_BEFORE 1.25 /* times as long as since the filter learned nothing of what has been under way for long, at most, */
-#define HALF_AT_ONCE 2.0 /* and else times as long as it was there: what would have taken longer was there by half at once */
+#define HALF_AT_ONCE 2.0 /* times as long as it was there: what would have taken longer was there by half at once */
 #define N_RAMPS ((SWITCHED - RAMPED) / 2)
 
 /* The drift of a pair, and what has come to stay. */
@@ -223,7 +222,7 @@ static void hand_on(Bank *bank, int64_t n_begun, int together, int64_t number, d
             take_slot(bank, drift, (int)n, memory->moves);
             take_slot(bank, stay_of(pair), (int)n, memory->stays);
             age[n] = number - onset[drift];
-            longest[n] = SLOT_OLD[drift] ? LONG_BEFORE * (time - old) : longest_ramp(age[n]);
+            longest[n] = SLOT_OLD[drift] ? time - old : longest_ramp(age[n]);
             extra[n] = SLOT_WEIGHT[drift] - SLOT_WEIGHT[stay_of(pair)];
             pairs[n++] = pair;
         }

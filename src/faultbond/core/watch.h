@@ -107,6 +107,8 @@ static void report_filter(const State *state, int64_t status, const double *pack
     for (int k = 0; k < N_SLOW; k++) report->slow[k] = state->healthy.lane[AT_SLOW + k] / SLOW_SD[k];
 }
 
+FB_SELDOM
+
 /* The lane of long ago from which drifts under way begin: that from before a walk that raised the alarm, else the oldest of the
    windows up to OLD_WINDOW; NULL: none is kept. */
 static const double *oldest_lane(const State *state)
@@ -122,6 +124,8 @@ static const double *oldest_lane(const State *state)
     }
     return NULL;
 }
+
+FB_OFTEN
 
 /* Keep a packed sample with the healthy lane after it, and after an alarm take it into the bank. */
 static void keep(State *state, const double *packed, const double *lane, double wildness, Work *work)

@@ -31,7 +31,7 @@ static const char HELP[] =
     "       watch --state FILE reject NAME...\n"
     "\n"
     "Watches the plant \"%s\": reads rows of CSV on standard input, with a line of names first, and writes records as\n"
-    "lines of JSON on standard output: run, detection, diagnosis, accepted, end.\n"
+    "lines of JSON on standard output (see README.md).\n"
     "\n"
     "  --state FILE  go on from the run kept in this file, if it exists, and keep this\n"
     "  --accept P    accept a diagnosis once it has been at least as sure as this, such as 0.99, for a while; auto: %g\n"

@@ -316,7 +316,7 @@ def ended(
     come = moves[-1] + np.log(ends) + extra
     stay, goes = merged(stays, moves, stays[-1], come), moves.copy()
     kept, took = np.exp(stays[-1] - stay[-1]), moves[SIZE] / rate if moves[SIZE] * rate > 0.0 else 0.0
-    longest = 2.0 * 0.5 * age if old is None else 1.25 * (time - old)
+    longest = 2.0 * 0.5 * age if old is None else time - old
     took = took if took < longest else 0.0
     stay[ENDED], stay[TOOK] = kept * stays[ENDED] + (1.0 - kept) * time, kept * stays[TOOK] + (1.0 - kept) * took
     full = unpack(WIDE, stay[WIDE.covariance_slice])
