@@ -9,11 +9,13 @@ from faultbond.app.unfamiliar import BEFORE, Unfamiliar, unfamiliar_inputs, unfa
 from faultbond.arrays import FloatArray
 from faultbond.cli import main
 from faultbond.contract.findings import Detection
+from faultbond.contract.samples import Sample
 from faultbond.errors import ModelError
 from faultbond.io.grid import PointBlock
 from faultbond.model.amend import amended
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
+from faultbond.report.fit_result import with_seen_inputs
 from made import EXAMPLES
 
 TEXT = (EXAMPLES / "tank" / "model.yaml").read_text(encoding="utf-8")
@@ -102,3 +104,15 @@ def test_it_is_read_and_written() -> None:
             fitted(wrong)
     found = Unfamiliar(input=graph.input("u_in"), value=71.0)
     assert unfamiliar_sentence([found]).startswith("Up to the alarm u_in was 71 percent (0.2 to 60 percent in the")
+
+
+def test_what_is_beyond_the_range_of_an_input_was_nowhere() -> None:
+    """A logger writes -999 where it has nothing; what an input cannot be is not where it was."""
+    text = amended(TEXT, [(("inputs", "u_in", "range"), "[0 percent, 100 percent]")])
+    graph = parse_model(text)
+    rows = [(30.04, 0.0), (-999.0, 0.0), (np.nan, 0.0), (72.0, 0.0)]
+    read = [[Sample(time=float(k), dt=1.0, u=np.array(u), y=np.zeros(2)) for k, u in enumerate(rows)]]
+    seen = parse_model(with_seen_inputs(text, graph, read))
+    assert seen.input("u_in").fitted_range == pytest.approx((30.0, 72.0))
+    assert seen.input(graph.inputs[1].name).fitted_range == (0.0, 0.0)
+    assert parse_model(with_seen_inputs(text, graph, [read[0][1:3]])).input("u_in").fitted_range is None

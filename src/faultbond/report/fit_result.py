@@ -205,12 +205,12 @@ class Fitted:
 def with_seen_inputs(text: str, graph: BondGraph, read: Iterable[Sequence[Sample]]) -> str:
     """Give the text of a model file with where each input is in recordings, which are grid points.
 
-    An input without a value stays as it was: a fit refuses it.
+    What lies outside of its `range` is wrong. An input without a value stays as it was: a fit refuses it.
     """
     courses = np.array([point.u for points in read for point in points])
     told = []
     for k, item in enumerate(graph.inputs):
-        u = courses[np.isfinite(courses[:, k]), k]
+        u = courses[(item.lower <= courses[:, k]) & (courses[:, k] <= item.upper) & np.isfinite(courses[:, k]), k]
         if not len(u):
             continue
         lower, upper = (item.unit.from_si(float(end)) for end in (u.min(), u.max()))
