@@ -104,7 +104,7 @@ def fit(
         with _waiting(long=wishes.until_quiet) as status:
             found = identified(model, recordings, wishes=wishes, tell=status, warn=out.warn)
     except Stopped:
-        out.warn("stopped before the first climb has ended: nothing was found, and nothing is written.")
+        out.warn("stopped before the first climb has ended, or once more after it: nothing is written.")
         raise
     refused: OSError | None = None
     try:
