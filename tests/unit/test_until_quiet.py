@@ -1252,6 +1252,22 @@ def test_what_was_added_and_walks_is_declared_as_known(tmp_path: Path, added: fr
     assert (found.health.walk <= ROOM) == bool(added)
 
 
+@pytest.mark.usefixtures("no_sizes")
+def test_what_walks_is_asked_of_each_model_on_trial(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a search has found is declared as known, where that is to be, before anything is raised or told."""
+
+    def known(attempt: Attempt, text: str, _: object) -> Attempt:
+        assert parse_model(text, file="m.yaml").parameter("R").nominal == 3.0  # as before the fit
+        return replace(attempt, widened={"R": 7.0})
+
+    monkeypatch.setattr(quiet_fit, "known_where_it_walks", known)
+    made = [write(tmp_path / f"{seed}.csv", seed=seed) for seed in (1, 2)]
+    found = records(tmp_path, model, *made, "-o", tmp_path / "new.yaml")["quiet"]
+    assert found["raised"] == [{"what": "accuracy of R", "times": 7.0}]
+
+
 def test_a_short_recording_is_refused(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Where nothing can be held back, the message says how much is needed."""
     recording = write(tmp_path / "a.csv", seed=3, rows=90)

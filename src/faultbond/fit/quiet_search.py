@@ -349,6 +349,14 @@ class Ground:
                 starts[r, column], sizes[r, column] = first, size
         return FitPoint(values=begin.values, starts=starts, sizes=sizes)
 
+    def point_of(
+        self, plant: FittedPlant, q: FloatArray, stand: Footing, records: Sequence[HealthyRecording]
+    ) -> FitPoint:
+        """Give where a plant about q (n_q,) stands, within the ends of its unknowns; for the first of the records."""
+        values = np.clip(values_at(plant, q), plant.unknowns.lower, plant.unknowns.upper)
+        begin = self.begin_of(records, self.search.begin)
+        return replace(begin, values=values, starts=self.starts_of(stand)[: len(records)])
+
     def starts_of(self, stand: Footing) -> FloatArray:
         """Give the starts of the recordings that are fitted as they stand, (n_records, n_own)."""
         begin = self.begin_of(self.search.trained, self.search.begin).starts
@@ -386,11 +394,8 @@ class Ground:
         """
         q, records = self.q_of(stand), self.search.few
         plant = self.plant(q, [*(item.what for item in stand.added), *new])
-        unknowns = plant.unknowns
-        values = np.clip(values_at(plant, q), unknowns.lower, unknowns.upper)
-        begin = self.begin_of(records, self.search.begin)
-        point = replace(begin, values=values, starts=self.starts_of(stand)[: len(records)])
-        found = evaluate_likelihood(plant, records, point)
+        unknowns, point = plant.unknowns, self.point_of(plant, q, stand, records)
+        values, found = point.values, evaluate_likelihood(plant, records, point)
         places = {item.name: k for k, item in enumerate(unknowns.parameters)}
         at = {parameter_name(item): places[parameter_name(item)] for item in new}
         sd = np.full(len(found.score), START_PRIOR)
@@ -503,12 +508,10 @@ class Ground:
         for item in more:
             q = self.with_one(q, item)
         plant = self.plant(q, opened)
-        unknowns = plant.unknowns
-        values = np.clip(values_at(plant, q), unknowns.lower, unknowns.upper)
-        known = self.begin_of(records, search.begin)
-        begin = replace(known, values=values, starts=self.starts_of(stand)[: len(records)])
+        unknowns, begin = plant.unknowns, self.point_of(plant, q, stand, records)
+        anchor = self.begin_of(records, search.begin).starts
         wide = unknowns.widened(self.widths(unknowns))
-        summit = ascend(plant, records, begin, wide, anchor=known.starts, turns=TURNS, settled=CLOSE_ENOUGH)
+        summit = ascend(plant, records, begin, wide, anchor=anchor, turns=TURNS, settled=CLOSE_ENOUGH)
         found = unknowns.fill(plant.base, summit.point.values)[0]
         ahead = foretold(plant, search.held, self.begin_of(search.held, search.begin_held), found)
         stood = self._stood(stand, opened, found, summit, evidence_of(ahead))

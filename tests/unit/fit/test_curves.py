@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from faultbond.app import quiet_fit
-from faultbond.arrays import FloatArray
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.cli import DONE, main
 from faultbond.equations.evaluate import evaluate
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
-from faultbond.fit import further
+from faultbond.fit import further, quiet_search
 from faultbond.fit.bend import LEAST, Bend, bend_by
 from faultbond.fit.curves import (
     FOREIGN,
@@ -37,6 +37,7 @@ from faultbond.fit.imperfections import (
     without_curve,
 )
 from faultbond.fit.likelihood import Likelihood, nominal_q
+from faultbond.fit.objective import Evaluation, FitPoint, FittedPlant
 from faultbond.fit.quiet_search import MOST_POWER, WORTH, Ground, Search
 from faultbond.io.recording import write_recording
 from faultbond.model.expression import Binary, Name
@@ -558,3 +559,38 @@ def test_what_is_largest_somewhere_between_is_found(
     assert bow.nominal == pytest.approx(-0.15, abs=4.0 * bow.accuracy)
     assert bow.accuracy < 0.01
     assert "% smaller where flow/usual is half of" in " ".join(capsys.readouterr().out.split())
+
+
+def test_what_is_kept_at_an_end_follows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A parameter that is kept from straying stands at its end: what a curve gains is asked with it there."""
+    graph, seen = parse_model(COOLER), dict[str, bool]()
+    bow = replace(
+        curve_over("flow", foreign=False), kind=Kind.BOW, bend=Bend(Name("flow"), "flow", 1.0, 0.1, bowed=True)
+    )
+    new = [power_of(bow), bow]
+    bent = with_imperfections(graph, tuple(new))
+    model = build_step_model(build_plant(bent))
+    begin = FitPoint(values=np.zeros(0), starts=np.zeros((0, 2)), sizes=np.zeros((0, 2)))
+    fake = SimpleNamespace(
+        own=(), graph=graph, parameters=tuple(enumerate(graph.parameters)), inside=frozenset({"h"}), few=(), trained=(),
+        believed=frozenset(), step=1.0, longest=100.0, begin=begin, columns=model.states,
+    )  # fmt: skip
+    ground = Ground(cast(Search, fake), bent, model, lambda: cast(Likelihood, None), slopes=True)
+    values = {item.name: item.nominal * (3.0 if item.name == "h" else 1.0) for item in graph.parameters}
+
+    def evaluated(plant: FittedPlant, *_: object) -> Evaluation:
+        seen.update(dict.fromkeys((item.name for item in plant.unknowns.parameters), False))
+        n = len(plant.unknowns.places)
+        return Evaluation(value=0.0, score=np.zeros(n), information=np.eye(n))
+
+    def gains(_: Evaluation, prior: FloatArray, moves: BoolArray, groups: Sequence[Sequence[int]]) -> list[float]:
+        names = list(seen)
+        seen.update(zip(names, moves.tolist(), strict=False))
+        assert [[names[k] for k in group] for group in groups] == [["h_by_flow"], ["h_bow_by_flow", "h_by_flow"]]
+        assert {names[k] for k in np.flatnonzero(prior == 0.0)} == {"h_by_flow", "h_bow_by_flow"}
+        return [1.0, 2.0]
+
+    monkeypatch.setattr(quiet_search, "evaluate_likelihood", evaluated)
+    monkeypatch.setattr(quiet_search, "score_gains", gains)
+    assert ground.curve_gains(Footing(graph=graph, values=values, starts={}), new) == [1.0, 2.0]
+    assert {name for name, moves in seen.items() if not moves} == {"h", "h_by_flow", "h_bow_by_flow"}
