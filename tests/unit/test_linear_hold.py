@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from faultbond.app.likelihood import likelihood_engine
 from faultbond.arrays import FloatArray
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
 from faultbond.errors import ModelError
-from faultbond.fit.likelihood import build_begin, build_likelihood, nominal_q, sample_fields
+from faultbond.fit.likelihood import build_begin, layout_of, nominal_q
 from faultbond.model.builder import ModelBuilder
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
@@ -203,15 +204,8 @@ def test_a_fit_goes_with_the_line(text: str) -> None:
 def foretold(text: str, made: Simulation) -> float:
     """The largest innovation of the likelihood of a model on a noiseless recording, V."""
     model = build_step_model(build_plant(graph(text)))
-    begin, step = build_begin(model), build_likelihood(model)
-    place, q = sample_fields(2, 2, 0), nominal_q(model)
-    start = begin(q, [0.0, 0.0])[0].full()[:, 0]
-    common, still = np.concatenate([start, q]), np.zeros(step.size_in(1))
-    worst = 0.0
-    for k in range(1, 100):
-        sample = np.zeros(step.size_in(2)[0])
-        sample[place["dt"]], sample[place["u_before"]] = 0.1, made.inputs[k - 1]
-        sample[place["u"]], sample[place["y"]] = made.inputs[k], made.outputs[k]
-        common, seen = (item.full()[:, 0] for item in step(common, still, sample)[:2])
-        worst = max(worst, float(np.abs(seen[:2]).max()))
-    return worst
+    start, size = build_begin(model)(nominal_q(model), [0.0, 0.0]).full(), layout_of(model)
+    samples, place = np.zeros((99, size.n_sample)), size.sample_fields
+    samples[:, place["dt"]], samples[:, place["u_before"]] = 0.1, made.inputs[:99]
+    samples[:, place["u"]], samples[:, place["y"]] = made.inputs[1:100], made.outputs[1:100]
+    return float(np.abs(likelihood_engine(model).advance(start, samples)[1][:, :2]).max())

@@ -6,13 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 
+from faultbond.app.likelihood import likelihood_engine
 from faultbond.arrays import FloatArray
 from faultbond.contract.samples import Sample
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.errors import ModelError
 from faultbond.fit.imperfections import Kind, possible
-from faultbond.fit.likelihood import build_begin, build_likelihood, nominal_q, sample_fields
+from faultbond.fit.likelihood import build_begin, nominal_q, sample_fields
 from faultbond.fit.samples import healthy_recording
 from faultbond.model.builder import ModelBuilder
 from faultbond.model.text import parse_model
@@ -200,9 +201,7 @@ def test_a_fit_takes_it_as_the_engine_does() -> None:
     made = recorded(PLAIN, 3)
     record = healthy_recording("made", samples_of(made.time, made.inputs, made.outputs)[:300], core)
     model, spec = build_step_model(plant), core.spec
-    begin, step, q = build_begin(model), build_likelihood(model, slopes=False), nominal_q(model)
-    start = begin(q, np.zeros(2))[0].full()[:, 0]
-    lane = np.concatenate([start, q, np.zeros(step.size_in(1)[0] - len(start) - len(q))])
+    start = build_begin(model)(nominal_q(model), np.zeros(2)).full()[:, 0]
     own = np.zeros((spec.n_numbers, 1))
     own[: spec.n_joint, 0] = [*start[:2], 1.0, 1.0, 1.0, 1.0, 0.0]
     rows, columns = np.triu_indices(spec.n_joint)
@@ -214,8 +213,7 @@ def test_a_fit_takes_it_as_the_engine_does() -> None:
     rows_packed = record.packed.copy()
     rows_packed[:, spec.sample_fields["bound"]] = 0.0
     _, seen = core.advance(own, rows_packed)
-    for k, sample in enumerate(record.samples):
-        lane, found = (item.full()[:, 0] for item in step([], lane, sample)[2:])
+    for k, found in enumerate(likelihood_engine(model).advance(start[:, None], record.samples)[1][:, :, 0]):
         # Of the first sensor: nothing was told before it.
         assert found[2] == pytest.approx(seen[k, 2, 0], rel=1e-5)
         assert found[0] == pytest.approx(seen[k, 0, 0], abs=1e-4 * np.sqrt(found[2]))

@@ -622,9 +622,7 @@ def test_what_changes_nothing_gains_nothing(tmp_path: Path, monkeypatch: pytest.
 
     def nothing(search: Search, stand: Footing, asked: object) -> None:
         assert stand.slow["R.e", False] < 0.25
-        gains.extend(
-            search.ground(stand.graph, slopes=False).gains_of(stand, [Imperfection(kind=Kind.HOLD, place="V")])
-        )
+        gains.extend(search.ground(stand.graph).gains_of(stand, [Imperfection(kind=Kind.HOLD, place="V")]))
 
     monkeypatch.setattr(quiet_fit, "_seems_quiet", lambda *_: False)
     monkeypatch.setattr(quiet_fit, "_next", nothing)

@@ -6,7 +6,7 @@
         smooth.h     what acts, from records that scatter; spikes.h: inputs that were off for one sample
         samples.h    the sample as the filters take it: inputs held, steps blanked, gaps allowed for
      3. start.h      the first samples tell where the plant begins, outliers.h without those that are wild
-     4. advance.h    the healthy filter: filters.h (filter.h), which steps in time by integrate.h
+     4. advance.h    the healthy filter: filters.h (filter.h, triangle.h), which steps in time by integrate.h
      5. detector.h   sums of what it did not expect, walking.h how far it had to move its parameters, and the alarm
      6. trail.h      the samples before the alarm, and the places where the fault may have begun
      7. bank.h       a filter for every hypothesis from there, begun little by little (work.h, onsets.h): steps.h and growing.h

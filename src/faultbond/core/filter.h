@@ -44,6 +44,8 @@ FB_OF_FILTERS void expect_signals(const lanes *FB_RESTRICT lane, const double *F
 #endif
 
 #ifdef FB_HOLDS_FILTERS
+#include "triangle.h"
+
 #if N_SLOT > 0
 /* What the slot adds for each of its size to input k, of which u is recorded. */
 static inline lanes added_by_slot(const lanes *FB_RESTRICT lane, int k, given u)
@@ -104,32 +106,6 @@ static inline void add_by_z(const lanes *FB_RESTRICT lane, const given *FB_RESTR
         row[AT_NOISE + NOISE_OF_INPUT[c - AT_SLOT]] = slope;
 }
 
-/* Covariance of the states after a step with slopes A by z: A P A' and A P with the rest, which is still as before. */
-static void spread_states(lanes *FB_RESTRICT p, lanes (*FB_RESTRICT a)[N_JOINT], lanes (*FB_RESTRICT t)[N_JOINT],
-                          const given *FB_RESTRICT sample)
-{
-    for (int i = 0; i < N_STATES; i++)
-        for (int j = 0; j < N_JOINT; j++) t[i][j] = broadcast(0.0);
-    for (int j = 0; j < N_JOINT; j++)
-#if REACHES_ALL /* then all rows have the same places, and each entry of P is fetched once */
-        for (int e = 0; e < STATE_ROW[1]; e++)
-            for (int i = 0; i < N_STATES; i++) t[i][j] += a[i][STATE_PLACE[e]] * p[SYMMETRIC[STATE_PLACE[e]][j]];
-#else
-        for (int i = 0; i < N_STATES; i++)
-            for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) t[i][j] += a[i][STATE_PLACE[e]] * p[SYMMETRIC[STATE_PLACE[e]][j]];
-#endif
-    for (int i = 0; i < N_STATES; i++) {
-        for (int j = i; j < N_STATES; j++) {
-            lanes sum = broadcast(0.0);
-            for (int e = STATE_ROW[j]; e < STATE_ROW[j + 1]; e++) sum += t[i][STATE_PLACE[e]] * a[j][STATE_PLACE[e]];
-            p[PLACE(i, j)] = sum;
-        }
-        const given gap = sample[SAMPLE_GAP + i];
-        p[PLACE(i, i)] += (SHARED(sample[SAMPLE_DT]) > 0.0 ? STATE_VARIANCE[i] : 0.0) + gap * gap;
-        for (int j = N_STATES; j < N_JOINT; j++) p[PLACE(i, j)] = t[i][j];
-    }
-}
-
 #if N_HELD_STATES > 0 && !defined(FB_OWN_SAMPLES)
 /* What lags before sensors that do not read as stated stays where it was before the step, `before`, and goes with nothing else:
    the law that it would follow may have no value. Its variance is that of before, or of the gap. */
@@ -144,6 +120,15 @@ static void hold_states(const lanes *FB_RESTRICT before, const given *FB_RESTRIC
     }
 }
 #endif
+
+/* What states scatter by themselves, and by what nobody saw act. */
+static void scatter(lanes *FB_RESTRICT p, const given *FB_RESTRICT sample)
+{
+    for (int i = 0; i < N_STATES; i++) {
+        const given gap = sample[SAMPLE_GAP + i];
+        p[PLACE(i, i)] += (SHARED(sample[SAMPLE_DT]) > 0.0 ? STATE_VARIANCE[i] : 0.0) + gap * gap;
+    }
+}
 
 /* The rest of z and its covariance: slow errors fade, the slot moves at its rate, input noise begins anew or lasts. */
 static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, const double *FB_RESTRICT decays)
@@ -200,8 +185,9 @@ static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Fi
         middle[k] = begin[k];
         if (INPUT_LINEAR[k]) middle[k] += 0.5 * (sample[SAMPLE_U + k] - sample[SAMPLE_U_BEFORE + k]);
     }
-    integrate(v, u, climb, SHARED(sample[SAMPLE_DT]), SHARED(sample[SAMPLE_STILL]) > 0.0, lane + AT_IMPLICIT,
-              &work->step);
+    const double dt = SHARED(sample[SAMPLE_DT]);
+    for (int k = 0; k < N_SLOW && dt != work->step.dt; k++) work->step.decay[k] = exp(-dt / SLOW_MEMORY[k]);
+    integrate(v, u, climb, dt, SHARED(sample[SAMPLE_STILL]) > 0.0, lane + AT_IMPLICIT, &work->step);
     for (int i = 0; i < N_STATES; i++) {
         for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) work->a[i][STATE_PLACE[e]] = broadcast(0.0);
         FOR_REACH (i, c) add_by_z(lane, middle, c, WIDE(work->step.slope[i][c]), work->a[i]);
@@ -209,14 +195,16 @@ static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Fi
     }
 #if N_HELD_STATES > 0 && !defined(FB_OWN_SAMPLES)
     hold_states(before, sample, lane, work->a);
-    spread_states(lane + AT_COVARIANCE, work->a, work->t, sample);
+    spread_states(lane + AT_COVARIANCE, work->a, work->t);
+    scatter(lane + AT_COVARIANCE, sample);
     for (int s = 0; s < N_HELD_STATES; s++) {
         if (!(sample[SAMPLE_HELD + HELD_BY[s]] > 0.0)) continue;
         lanes *own = &lane[AT_COVARIANCE + PLACE(HELD_STATE[s], HELD_STATE[s])];
         *own = v_fmax(*own, variance[s]);
     }
 #else
-    spread_states(lane + AT_COVARIANCE, work->a, work->t, sample);
+    spread_states(lane + AT_COVARIANCE, work->a, work->t);
+    scatter(lane + AT_COVARIANCE, sample);
 #endif
     spread_rest(lane, sample, work->step.decay);
 }
@@ -235,39 +223,6 @@ static inline lanes noise_of(const lanes *FB_RESTRICT lane, const given *FB_REST
     (void)y;
 #endif
     return noise;
-}
-
-/* Slope of sensor j along a vector. */
-static inline lanes along(const lanes *FB_RESTRICT slope, const lanes *FB_RESTRICT vector, int j)
-{
-    lanes sum = broadcast(0.0);
-    for (int e = OUT_ROW[j]; e < OUT_ROW[j + 1]; e++) sum += slope[OUT_PLACE[e]] * vector[OUT_PLACE[e]];
-    return sum;
-}
-
-/* Covariance times the slope of sensor j. */
-static inline void times(int j, const lanes *FB_RESTRICT p, const lanes *FB_RESTRICT slope, lanes *FB_RESTRICT cross)
-{
-    for (int i = 0; i < N_JOINT; i++) {
-        lanes sum = broadcast(0.0);
-        for (int e = OUT_ROW[j]; e < OUT_ROW[j + 1]; e++) sum += p[SYMMETRIC[OUT_PLACE[e]][i]] * slope[OUT_PLACE[e]];
-        cross[i] = sum;
-    }
-}
-
-/* What n sensors have told, taken off a covariance; `to` may be `from`. Of a variance at least its rounding error is left: a
-   number that was not known at all is not certain after one precise reading. */
-static inline void take_off(const lanes *from, lanes weight[][N_JOINT], lanes cross[][N_JOINT], int n, lanes *to)
-{
-    for (int i = 0; i < N_JOINT; i++) {
-        const lanes least = from[PLACE(i, i)] * ROUNDING;
-        for (int k = i; k < N_JOINT; k++) {
-            lanes left = from[PLACE(i, k)];
-            for (int j = 0; j < n; j++) left -= weight[j][i] * cross[j][k];
-            to[PLACE(i, k)] = left;
-        }
-        to[PLACE(i, i)] = v_fmax(least, to[PLACE(i, i)]);
-    }
 }
 
 /* What the sensors are expected to read at z, with the implicit signals found from `implicit` on. */

@@ -37,6 +37,7 @@
 #define inputs_of OF_KIND(inputs_of)
 #define hold_states OF_KIND(hold_states)
 #define spread_states OF_KIND(spread_states)
+#define scatter OF_KIND(scatter)
 #define spread_rest OF_KIND(spread_rest)
 #define predict OF_KIND(predict)
 #define noise_of OF_KIND(noise_of)
@@ -129,6 +130,7 @@ void filter_step_one(double *lane, const double *sample, double *innovations, do
 #undef added_by_slot
 #undef inputs_of
 #undef spread_states
+#undef scatter
 #undef spread_rest
 #undef predict
 #undef noise_of

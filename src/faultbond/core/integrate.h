@@ -42,7 +42,7 @@ typedef lanes steep;
 typedef struct {
     double dt;                             /* of the step that `decay` is of, and nan: of none yet; */
     double moved;                          /* that of `m` and `slope`: nothing where the states stay */
-    double decay[FB_ROOM(N_SLOW)];         /* what is left of the slow errors after it */
+    double decay[FB_ROOM(N_SLOW)];         /* what is left of the slow errors after it, as the filter works it out */
     steep m[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)];
     steep slope[FB_ROOM(N_STATES)][N_V];   /* of the states after the step by v before it */
     steep k1[FB_ROOM(N_STATES)][N_V];      /* slopes of the rates of both stages, */
@@ -193,7 +193,6 @@ static void integrate(lanes *FB_RESTRICT v, const double *FB_RESTRICT u, const l
 {
     const double moved = still ? 0.0 : dt, h = moved / SUBSTEPS;
     const int anew = !RATES_ARE_LINEAR || dt != step->dt || moved != step->moved;
-    for (int k = 0; k < N_SLOW && dt != step->dt; k++) step->decay[k] = exp(-dt / SLOW_MEMORY[k]);
     lanes first[FB_ROOM(N_STATES)], second[FB_ROOM(N_STATES)], x[FB_ROOM(N_STATES)], force[FB_ROOM(N_STATES)];
     steep slopes[FB_ROOM(N_RATE_SLOPES)];
     step->dt = dt;

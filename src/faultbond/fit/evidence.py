@@ -34,12 +34,11 @@ def likelihoods(
     starts : (n_records, n_own), see `FitPoint`
     declared : float array, shape (n, n_q); q of each way, see `Layout`
     """
-    if plant.slopes:  # a filter that gives them follows one way at a time
-        point = FitPoint(values=_NONE, starts=starts, sizes=np.ones_like(starts))
-        return np.array([evidence_of(score_recordings(all_known(plant, q), records, point)) for q in declared])
     total = np.zeros(len(declared))
+    if not len(declared):
+        return total
     for record, start in zip(records, starts, strict=True):
-        begun = _begun(plant, start, declared)
+        begun = plant.lanes(declared, np.tile(start, (len(declared), 1)))
         parts = [begun[:, first : first + _AT_ONCE] for first in range(0, len(declared), _AT_ONCE)]
         total += np.concatenate([_NONE, *side_by_side(partial(_told_by, plant, record), parts)])
     return np.where(np.isfinite(total), total, -np.inf)
@@ -51,7 +50,7 @@ def _told_by(plant: FittedPlant, record: HealthyRecording, lanes: FloatArray) ->
     with np.errstate(all="ignore"):
         for first in range(0, len(record.time), _MOST_SAMPLES):
             part = slice(first, first + _MOST_SAMPLES)
-            _, lanes, _, found = plant.engine.advance(_NONE, lanes, record.samples[part])
+            lanes, found = plant.engine.advance(lanes, record.samples[part])
             use = record.use[part][:, :, None]
             e, s = found[:, :n_y], found[:, n_y:]
             total -= 0.5 * np.where(use, tempered(e**2 / s) + np.log(s) + LOG_2_PI, 0.0).sum(axis=(0, 1))
@@ -78,29 +77,13 @@ def evidence_of(found: Sequence[Scored]) -> float:
     return -0.5 * float(sum(np.nansum(item) for item in parts))
 
 
-def _begun(plant: FittedPlant, start: FloatArray, declared: FloatArray) -> FloatArray:
-    """Give a filter (n_numbers, n) at the begin of a recording for each way to declare."""
-    n_free = len(plant.free)
-    x = np.zeros(plant.layout.n_x)
-    x[list(plant.free)] = start[:n_free]
-    held = []
-    for row in declared:
-        q = row.copy()
-        q[[place for place, _ in plant.own]] = start[n_free:]
-        held.append(np.concatenate([plant.begin(q, x)[0].full()[:, 0], q, plant.implicit]))
-    return np.array(held).T
-
-
 def joint_courses(plant: FittedPlant, record: HealthyRecording, start: FloatArray, q: FloatArray) -> FloatArray:
-    """Give inputs and joint vectors [x, b, factors, input noise] at some moments, (n_moments, n_u + n_v).
-
-    The engine of the plant gives no slopes.
-    """
-    layout, lanes, found = plant.layout, _begun(plant, start, q[None]), []
+    """Give inputs and joint vectors [x, b, factors, input noise] at some moments, (n_moments, n_u + n_v)."""
+    layout, lanes, found = plant.layout, plant.lanes(q[None], start[None]), []
     n_known = layout.n_x + layout.n_b
     ends = np.unique(np.linspace(0, len(record.time), _PLACES + 1).astype(int))
     for first, last in pairwise(ends.tolist()):
-        lanes = plant.engine.advance(_NONE, lanes, record.samples[first:last]).lanes
+        lanes, _ = plant.engine.advance(lanes, record.samples[first:last])
         mean = lanes[: layout.n_mean, 0]
         found.append(np.concatenate([record.u[last - 1], mean[:n_known], q[: layout.n_p], mean[n_known:]]))
     return np.array(found)

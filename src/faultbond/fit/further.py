@@ -157,7 +157,7 @@ def _weighed(
     grounds = []
     for item in asked:
         with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
-            grounds.append((search.ground_with(stand, (item,), slopes=False), item))
+            grounds.append((search.ground_with(stand, (item,)), item))
     return [(item, *ground.best_late(stand, item)) for ground, item in grounds]
 
 

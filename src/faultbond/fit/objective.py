@@ -15,16 +15,17 @@ from faultbond.fit.unknowns import Unknowns
 
 BLOCK = 4096  # samples whose innovations are held at a time
 LOG_2_PI = float(np.log(2.0 * np.pi))
-NO_LANES = np.zeros((0, 0))
+# Of an unknown, for slopes: what a difference leaves out is less than a thousandth of a standard error.
+NUDGE = 1e-5
+LEAST_NUDGE = 1e-9  # part of a start; less would be lost in rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FittedPlant:
     """All that an evaluation needs of a plant.
 
-    begin: see `build_begin`; base: (n_q,), q as the model file states it, see `Layout`; implicit: (n_z,), a first guess
-    of the implicit signals, SI; free: states whose start is to be found; own: places in q of parameters that each
-    recording has for itself, with the sd before the data, in factors; slopes: whether the engine gives them.
+    begin: see `build_begin`; base: (n_q,), q as the model file states it, see `Layout`; free: states whose start is to
+    be found; own: places in q of parameters that each recording has for itself, with the sd before the data, factors.
     """
 
     sensors: tuple[str, ...]
@@ -32,16 +33,26 @@ class FittedPlant:
     engine: Likelihood
     begin: ca.Function
     base: FloatArray
-    implicit: FloatArray
     unknowns: Unknowns
     free: tuple[int, ...]
     own: tuple[tuple[int, float], ...] = ()
-    slopes: bool = True
 
     @property
     def n_own(self) -> int:
         """How many unknowns each recording has for itself."""
         return len(self.free) + len(self.own)
+
+    def lanes(self, q: FloatArray, starts: FloatArray) -> FloatArray:
+        """Give lanes (n_numbers, n) before the first sample of a recording, for each row of q (n, n_q).
+
+        starts : (n, n_own), what the recording has for itself, see `FitPoint`
+        """
+        n_free = len(self.free)
+        x = np.zeros((len(q), self.layout.n_x))
+        x[:, list(self.free)] = starts[:, :n_free]
+        q = q.copy()
+        q[:, [place for place, _ in self.own]] = starts[:, n_free:]
+        return np.asarray(self.begin(q.T, x.T).full())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -111,16 +122,16 @@ def evaluate_likelihood(plant: FittedPlant, records: Sequence[HealthyRecording],
 def likelihood_value(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> float:
     """Give the logarithm of the likelihood of all recordings alone; -inf where the plant has no finite course."""
 
-    def value_of(record: HealthyRecording, common: FloatArray) -> float:
+    def value_of(record: HealthyRecording, lanes: FloatArray) -> float:
         value = 0.0
         with np.errstate(all="ignore"):
             for first in range(0, len(record.time), BLOCK):
                 part = slice(first, first + BLOCK)
-                common, _, seen, _ = plant.engine.advance(common, NO_LANES, record.samples[part])
-                value += _value_of(*_seen(seen, record.use[part]), record.use[part])
+                lanes, seen = plant.engine.advance(lanes, record.samples[part])
+                value += _value_of(*_seen(seen[:, :, 0], record.use[part]), record.use[part])
         return value
 
-    begun = [(record, _begun(plant, point, r)[0]) for r, record in enumerate(records)]
+    begun = [(record, _begun_alone(plant, point, r)) for r, record in enumerate(records)]
     value = sum(side_by_side(lambda item: value_of(*item), begun))
     return value if np.isfinite(value) else -np.inf
 
@@ -148,7 +159,7 @@ def follow_alone(
 
     more: (n_inputs,), by which each is larger, SI.
     """
-    (common, _), place = _begun(plant, point, number), plant.layout.sample_fields
+    lanes, place = _begun_alone(plant, point, number), plant.layout.sample_fields
     samples, found = record.samples.copy(), np.full(record.use.shape, np.nan)
     samples[:, place["use"]] = 0.0
     if more is not None:
@@ -156,8 +167,8 @@ def follow_alone(
     with np.errstate(all="ignore"):
         for first in range(0, len(samples), BLOCK):
             part = slice(first, first + BLOCK)
-            common, _, seen, _ = plant.engine.advance(common, NO_LANES, samples[part])
-            found[part] = samples[part][:, place["y"]] - seen[:, : plant.layout.n_y]
+            lanes, seen = plant.engine.advance(lanes, samples[part])
+            found[part] = samples[part][:, place["y"]] - seen[:, : plant.layout.n_y, 0]
     return found
 
 
@@ -179,24 +190,24 @@ def _run_all(
     return side_by_side(lambda item: _run(plant, *item, keep=keep), begun)
 
 
-def _run(plant: FittedPlant, record: HealthyRecording, common: FloatArray, lanes: FloatArray, *, keep: bool) -> Scored:
-    """Run one recording from where it begins."""
-    n_y = plant.layout.n_y
-    count, kept = lanes.shape[1], len(record.time) if keep else 0
+def _run(plant: FittedPlant, record: HealthyRecording, lanes: FloatArray, moves: FloatArray, *, keep: bool) -> Scored:
+    """Run one recording from where it begins; moves (n,): by how much unknowns differ in all lanes but the first."""
+    n_y, count, kept = plant.layout.n_y, len(moves), len(record.time) if keep else 0
     information, value = np.zeros((count, count)), 0.0
     scores, errors, variances = np.zeros((kept or 1, count)), np.full((kept, n_y), np.nan), np.full((kept, n_y), np.nan)
     with np.errstate(all="ignore"):
         for first in range(0, len(record.time), BLOCK):
             part = slice(first, first + BLOCK)
             use = record.use[part]
-            common, lanes, seen, slopes = plant.engine.advance(common, lanes, record.samples[part])
-            e, s = _seen(seen, use)
+            lanes, seen = plant.engine.advance(lanes, record.samples[part])
+            e, s = _seen(seen[:, :, 0], use)
             value += _value_of(e, s, use)
             if not np.isfinite(value):
                 value = -np.inf
                 break
             if keep:
                 errors[part], variances[part] = np.where(use, e, np.nan), np.where(use, s, np.nan)
+            slopes = (seen[:, :, 1:] - seen[:, :, :1]) / moves
             e, s, use = e[:, :, None], s[:, :, None], use[:, :, None]
             e_by, s_by = (np.where(use, item, 0.0) for item in np.split(slopes, 2, axis=1))
             by_e, by_s = (item.reshape(e.size, count) for item in (e_by / np.sqrt(s), s_by / s))
@@ -210,20 +221,23 @@ def _run(plant: FittedPlant, record: HealthyRecording, common: FloatArray, lanes
     return Scored(innovations=errors, variances=variances, scores=scores, information=information, value=value)
 
 
+def _begun_alone(plant: FittedPlant, point: FitPoint, number: int) -> FloatArray:
+    """Give the lane (n_numbers, 1) at the begin of a recording."""
+    return plant.lanes(plant.unknowns.fill(plant.base, point.values)[0][None], point.starts[number : number + 1])
+
+
 def _begun(plant: FittedPlant, point: FitPoint, number: int) -> tuple[FloatArray, FloatArray]:
-    """Give the filter at the begin of a recording, and directions (n_numbers, n): each unknown and each free start."""
-    layout, unknowns = plant.layout, plant.unknowns
-    q, slopes = unknowns.fill(plant.base, point.values)
-    start = np.zeros(layout.n_x)
-    n, n_free, n_own = len(point.values), len(plant.free), plant.n_own
-    start[list(plant.free)] = point.starts[number, :n_free]
-    own = [place for place, _ in plant.own]
-    q[own] = point.starts[number, n_free:]
-    begin, by_q, by_start = (item.full() for item in plant.begin(q, start))
-    count = n + n_own
-    along = np.zeros((layout.n_q, count))
-    along[unknowns.places, np.arange(n)] = slopes
-    along[own, np.arange(n + n_free, count)] = point.sizes[number, n_free:]
-    moved = by_q @ along
-    moved[:, n : n + n_free] += by_start[:, list(plant.free)] * point.sizes[number, :n_free]
-    return np.concatenate([begin[:, 0], q, plant.implicit]), np.concatenate([moved, along])
+    """Give lanes (n_numbers, 1 + n) at the begin of a recording: as it is, then each unknown nudged; by how much (n,).
+
+    In the units of the unknowns; of what the recording has for itself, in its sizes.
+    """
+    values, starts, sizes = point.values, point.starts[number], point.sizes[number]
+    own = NUDGE * sizes
+    own[: len(plant.free)] = np.maximum(own, LEAST_NUDGE * np.abs(starts))[: len(plant.free)]
+    n, moves = len(values), np.concatenate([np.full(len(values), NUDGE), own / sizes])
+    q = np.tile(plant.unknowns.fill(plant.base, values)[0], (1 + len(moves), 1))
+    for k in range(n):
+        q[1 + k] = plant.unknowns.fill(plant.base, values + NUDGE * (np.arange(n) == k))[0]
+    all_starts = np.tile(starts, (1 + len(moves), 1))
+    all_starts[1 + n + np.arange(len(own)), np.arange(len(own))] += own
+    return plant.lanes(q, all_starts), moves

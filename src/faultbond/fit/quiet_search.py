@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 
@@ -83,13 +82,9 @@ MOST_SAMPLES = 6000  # with which sizes are compared
 FEW_SAMPLES = 8000  # of the recordings with which imperfections are compared; what is kept is fitted to all
 
 Tell = Callable[[str], None]
-
-
-class Build(Protocol):
-    """Begins to build what runs the likelihood of a plant, perhaps without its slopes."""
-
-    def __call__(self, model: StepModel, /, *, slopes: bool = True) -> Callable[[], Likelihood]:
-        """Give what waits for it; without its slopes a lane has no direction."""
+Build = Callable[
+    [StepModel], Callable[[], Likelihood]
+]  # begins to build what runs filters, and gives what waits for it
 
 
 class Search:
@@ -137,12 +132,12 @@ class Search:
         checks = tuple(Check(name=text, kind=CheckKind.SIGNAL, reads=one) for text, one in self.signals.items())
         offsets = (Imperfection(kind=Kind.OFFSET, place=name, size=0.0, law=law) for name, law in self.laws.items())
         opened = with_imperfections(graph, (*self.possible, *offsets))
-        return self.ground(replace(opened, checks=checks), slopes=False)
+        return self.ground(replace(opened, checks=checks))
 
-    def ground(self, graph: BondGraph, *, slopes: bool = True) -> "Ground":
+    def ground(self, graph: BondGraph) -> "Ground":
         """Give a plant as the likelihood takes it."""
         model = build_step_model(build_plant(graph))
-        return Ground(self, graph, model, self.build(model, slopes=slopes), slopes=slopes)
+        return Ground(self, graph, model, self.build(model))
 
     def first(self, found: Fit) -> Footing:
         """Give where a fit of the plant as it stands leads."""
@@ -205,14 +200,14 @@ class Search:
         spent = [item for item, gain in zip(slow, gains, strict=True) if gain > -SPENT]
         if curves:
             straight = [replace(item.what, size=0.0) for item in curves]
-            gained = self.ground(stand.graph, slopes=False).gains_of(stand, straight).tolist()
+            gained = self.ground(stand.graph).gains_of(stand, straight).tolist()
             spent += [item for item, gain in zip(curves, gained, strict=True) if gain > -WORTH]
         return spent
 
-    def ground_with(self, stand: Footing, more: Sequence[Imperfection], *, slopes: bool = True) -> "Ground":
-        """Give a plant that may have further imperfections; without slopes for likelihoods alone."""
+    def ground_with(self, stand: Footing, more: Sequence[Imperfection]) -> "Ground":
+        """Give a plant that may have further imperfections."""
         opened = tuple(_opened(item, LAG_GRID * self.step) for item in more)
-        return self.ground(with_imperfections(stand.graph, opened), slopes=slopes)
+        return self.ground(with_imperfections(stand.graph, opened))
 
     def profile(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""
@@ -311,10 +306,8 @@ class Search:
 class Ground:
     """A plant in which some imperfections are open, as the likelihood takes it."""
 
-    def __init__(
-        self, search: Search, graph: BondGraph, model: StepModel, built: Callable[[], Likelihood], *, slopes: bool
-    ) -> None:
-        self.search, self.graph, self.model, self.slopes = search, graph, model, slopes
+    def __init__(self, search: Search, graph: BondGraph, model: StepModel, built: Callable[[], Likelihood]) -> None:
+        self.search, self.graph, self.model = search, graph, model
         self._built = built
         self._engine: Likelihood | None = None
         self.layout = layout_of(model)
@@ -487,11 +480,9 @@ class Ground:
             engine=self.engine,
             begin=self.begin,
             base=base,
-            implicit=self.model.reference_implicit,
             unknowns=replace(unknowns, lower=lower, upper=upper),
             free=self.free,
             own=tuple((k, item.accuracy / abs(item.scale)) for k, item in self.own),
-            slopes=self.slopes,
         )
 
     def widths(self, unknowns: Unknowns) -> FloatArray:

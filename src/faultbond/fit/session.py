@@ -64,7 +64,7 @@ def build_fit(
     Parameters
     ----------
     model : the plant in discrete time
-    likelihood : runs `build_likelihood` of it
+    likelihood : runs its filters
     core : of the same model, as the monitor runs it
     recordings : names and grid points
     parameters : those to be found, with their places; noise of sensors and sizes of slow errors are found beside
@@ -78,7 +78,6 @@ def build_fit(
         engine=likelihood,
         begin=build_begin(model),
         base=base,
-        implicit=model.reference_implicit,
         unknowns=unknowns_of(layout, base, tuple(item for item in parameters if item[1].name not in own), noises),
         free=tuple(k for k in range(layout.n_x) if k not in known),
         own=tuple((k, item.accuracy / abs(item.scale)) for k, item in parameters if item.name in own),

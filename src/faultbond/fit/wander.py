@@ -130,7 +130,6 @@ class _Ground:
             engine=build(model),
             begin=build_begin(model),
             base=_with_room(old.base, old.layout, self.layout),
-            implicit=model.reference_implicit,
         )
         at = found.summit.point
         self.q = _with_room(old.unknowns.fill(old.base, at.values)[0], old.layout, self.layout)

@@ -39,9 +39,6 @@ FAST = ("-O3",)
 TIDY = "-fexpensive-optimizations"
 QUICK = ("-O1", TIDY)
 WARM = ("-O2",)
-# What is straight on for tens of thousands of statements, as a likelihood is: to go farther, or to look at more than
-# two of them together, takes twice as long and saves nothing.
-STRAIGHT = (*QUICK, "--param", "max-combine-insns=2")
 SHARED = (
     "-std=c99",
     "-fPIC",
@@ -52,7 +49,7 @@ SHARED = (
     "-w",
 )
 # All in a third of the time; what runs seldom is most of the text, and is not optimised at all.
-HASTY = {WARM: ("-O1",), FAST: ("-O1", TIDY), QUICK: ("-O0",), STRAIGHT: STRAIGHT}
+HASTY = {WARM: ("-O1",), FAST: ("-O1", TIDY), QUICK: ("-O0",)}
 FLEETS = "#define FB_FLEETS\n"
 CORE = files("faultbond").joinpath("core")
 # Zig would first build a library for what a processor lacks (4 s, 47 MB); one of 64 bits lacks nothing that is used.
@@ -168,7 +165,7 @@ def compile_library(source: str, compiler: tuple[str, ...]) -> Library:
         Where others may write the cache.
     """
     files = (item.read_text(encoding="utf-8") for item in sorted(CORE.iterdir(), key=lambda item: item.name))
-    return _kept((source, *files), compiler, partial(_compile, {"source": (source, STRAIGHT)}))
+    return _kept((source, *files), compiler, partial(_compile, {"source": (source, WARM)}))
 
 
 def compile_anew(source: str, compiler: tuple[str, ...]) -> Library:
@@ -344,7 +341,7 @@ def compiler_identity(compiler: tuple[str, ...]) -> str:
     if compiler[1:2] == ("-m",):  # a package of Python
         package = find_spec(compiler[2])
         files.append(package.origin if package is not None else None)
-    found = [*compiler, *_options(FAST), *_options(QUICK), *_options(STRAIGHT)]
+    found = [*compiler, *_options(FAST), *_options(QUICK)]
     for file in files:
         with suppress(OSError):
             real = Path(file or "").resolve()

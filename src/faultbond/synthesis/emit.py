@@ -1,22 +1,15 @@
 """C text of a graph: one statement per operation, several lanes at a time.
 
 Values that no lane moves stay scalars, the rest are vectors of doubles (GCC and Clang vector extension), so the
-same text runs several hypotheses, assets, or slopes, per call. In a filter the scalars are computed once for
-all lanes.
+same text runs several hypotheses, or assets, per call.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from importlib.resources import files
-from string import Template
 
 import casadi as ca
 
 from faultbond.errors import GenerationError
-
-# Statements in one C function: so many lie near the processor while several sets of lanes take them, and compilers take
-# far longer than in proportion for more.
-PART_LENGTH = 200
 
 _BINARY = {"OP_ADD": "+", "OP_SUB": "-", "OP_MUL": "*", "OP_DIV": "/"}
 _FUNCTIONS = {  # operations that are a call in C, for scalars and (with v_) for vectors
@@ -43,48 +36,6 @@ _FUNCTIONS = {  # operations that are a call in C, for scalars and (with v_) for
     "OP_IF_ELSE_ZERO": "where_true",
 }
 _NAMES = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
-
-
-def emit_filter(function: ca.Function, template: str) -> str:
-    """Give the C source of a filter function (common, lane, sample) -> (common, seen, lane, innovations).
-
-    The first two results are of what lanes have in common, and must not depend on them: they are computed once.
-
-    Raises
-    ------
-    GenerationError
-        Where the graph holds an operation that has no C form here.
-    """
-    inputs = {"common": False, "lane": True, "sample": False}
-    outputs = {"after": False, "seen": False, "next": True, "innovation": True}
-    found = list(statements(function, inputs, outputs))
-    once, each = (_chunks([item for item in found if item.wide is wide]) for wide in (False, True))
-    places = _places([*once, *each])
-    return Template(template).substitute(
-        lanes=core_files("port.h", "lanes.h", "maths.h"),
-        n_common=function.numel_in(0),
-        n_numbers=function.numel_in(1),
-        n_sample=function.numel_in(2),
-        n_seen=function.numel_out(1),
-        n_innovations=function.numel_out(3),
-        n_kept=sum(text.startswith("kept") for text in places.values()),
-        n_passed=sum(text.startswith("passed") for text in places.values()),
-        parts="\n".join(
-            (
-                *(_part(f"COMMON_PART(common_{k})", chunk, places) for k, chunk in enumerate(once)),
-                *(_part(f"LANE_PART(lane_{k})", chunk, places) for k, chunk in enumerate(each)),
-            )
-        ),
-        common_calls="\n".join(f"            TAKE_COMMON(common_{k})" for k in range(len(once))),
-        lane_calls="\n".join(f"            TAKE_LANES(lane_{k})" for k in range(len(each))),
-    )
-
-
-def core_files(*names: str) -> str:
-    """Give files of the core as one text; each needs those before it only."""
-    place = files("faultbond").joinpath("core")
-    lines = (line for name in names for line in place.joinpath(name).read_text(encoding="utf-8").splitlines())
-    return "\n".join(line for line in lines if not line.startswith('#include "')) + "\n"
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,36 +93,6 @@ def statements(function: ca.Function, inputs: Mapping[str, bool], outputs: Mappi
             name = f"v{k}"
             yield Statement(name, wide, tuple(arguments), _term(operation, arguments, vector, wide))
             value[results[0]], vector[name] = name, wide
-
-
-def _chunks(found: list[Statement]) -> list[list[Statement]]:
-    """Cut statements in as many as compilers handle in linear time."""
-    return [found[first : first + PART_LENGTH] for first in range(0, len(found), PART_LENGTH)]
-
-
-def _places(chunks: list[list[Statement]]) -> dict[str, str]:
-    """Give where values are held that chunks take from earlier ones, as C: scalars are kept, lanes passed."""
-    home = {item.defines: (k, item.wide) for k, chunk in enumerate(chunks) for item in chunk if item.defines}
-    crossing = dict.fromkeys(
-        name for k, chunk in enumerate(chunks) for item in chunk for name in item.uses if home.get(name, (k,))[0] != k
-    )
-    found: dict[str, str] = {}
-    for wide, array in ((False, "kept"), (True, "passed")):
-        found |= {name: f"{array}[{k}]" for k, name in enumerate(name for name in crossing if home[name][1] is wide)}
-    return found
-
-
-def _part(head: str, chunk: list[Statement], places: dict[str, str]) -> str:
-    """Give a chunk of statements as a C function."""
-    own = {item.defines: None for item in chunk if item.defines}
-    fetched = dict.fromkeys(name for item in chunk for name in item.uses if name in places and name not in own)
-    lines = [
-        *(_definition(name, places[name].startswith("passed"), places[name]) for name in fetched),
-        *(item.line for item in chunk),
-        *(f"{places[name]} = {name};" for name in own if name in places),
-    ]
-    body = "\n".join(f"    {line}" for line in lines)
-    return f"{head}\n{{\n{body}\n}}\n"
 
 
 def _definition(name: str, wide: bool, text: str) -> str:

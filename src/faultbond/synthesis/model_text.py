@@ -15,7 +15,15 @@ from faultbond.arrays import BoolArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
 from faultbond.synthesis.conditions import states_text
-from faultbond.synthesis.emit import statements
+from faultbond.synthesis.functions_text import (
+    function_text,
+    implicit_functions,
+    is_constant,
+    reached,
+    step_tables,
+    symmetric_table,
+    with_sparse_slope,
+)
 from faultbond.synthesis.plan_tables import integers, numbers, plan_sizes, plan_tables, ragged_table
 from faultbond.types import CheckKind, Hold
 
@@ -37,9 +45,9 @@ def core_text(spec: EngineSpec, model: StepModel) -> str:
 
 def model_text(spec: EngineSpec, model: StepModel) -> str:
     """Give `model.h`: sizes, tables and functions of a model as C. No name of the user's stands in it."""
-    rates, rate_entries = _with_sparse_slope("model_rates", model.rates)
-    linear = _are_constant(model, model.rates)
-    readings, reading_entries = _with_sparse_slope("model_readings", model.readings)
+    rates, rate_entries = with_sparse_slope("model_rates", model.rates)
+    linear = is_constant(model, rates)
+    readings, reading_entries = with_sparse_slope("model_readings", model.readings)
     parts = [
         "/* The model: sizes, tables, rates and readings. */",
         "#ifndef FB_MODEL_H",
@@ -53,7 +61,7 @@ def model_text(spec: EngineSpec, model: StepModel) -> str:
         *plan_tables(spec),
         states_text(spec, model.plant.graph),
         "#ifdef FB_HOLDS_FILTERS",
-        *(_function(item, outputs) for item, outputs in _functions(spec, model, rates, readings, linear=linear)),
+        *(function_text(item, outputs) for item, outputs in _functions(spec, model, rates, readings, linear=linear)),
         "#endif",
         "#endif",
     ]
@@ -96,12 +104,6 @@ def _sizes(
     return "\n".join(f"#define {name} {size}" for name, size in sizes.items())
 
 
-def _are_constant(model: StepModel, function: ca.Function) -> bool:
-    """Whether the slopes of a function are the same in all lanes and at all times."""
-    slope = function(model.v, model.u, model.z)[1]
-    return not ca.depends_on(slope, ca.vertcat(model.v, model.u, model.z))
-
-
 def _tables(spec: EngineSpec) -> Iterable[str]:
     yield numbers("STATE_VARIANCE", (item.noise**2 for item in spec.states))
     yield numbers("SLOW_VARIANCE", (item.sd**2 for item in spec.slow_errors))
@@ -124,12 +126,7 @@ def _tables(spec: EngineSpec) -> Iterable[str]:
     yield integers("INPUT_LINEAR", (item.linear for item in spec.inputs))
     yield integers("INPUT_NEXT", (item.hold is Hold.NEXT for item in spec.inputs))
     for layout, kind in _kinds(spec):
-        n = layout.n_joint
-        rows, columns = np.triu_indices(n)
-        places = np.zeros((n, n), dtype=np.intp)
-        places[rows, columns] = places[columns, rows] = np.arange(len(rows))
-        lines = ",\n    ".join("{" + ", ".join(map(str, row)) + "}" for row in places)
-        yield f"static const int SYMMETRIC{kind}[{n}][{n}] = {{\n    {lines}}};"
+        yield symmetric_table(layout.n_joint, kind)
 
 
 def _kinds(spec: EngineSpec) -> Iterable[tuple[EngineSpec, str]]:
@@ -139,24 +136,8 @@ def _kinds(spec: EngineSpec) -> Iterable[tuple[EngineSpec, str]]:
 
 def _state_tables(spec: EngineSpec, entries: Sequence[tuple[int, int]], n_v: int) -> Iterable[str]:
     """Where the slopes of the rates stand, what each state feels in a step, and what elimination fills in."""
-    n_x = len(spec.states)
-    slopes = np.zeros((n_x, n_v), dtype=bool)
-    for row, column in entries:
-        slopes[row, column] = True
-    yield from ragged_table("RATE", [np.flatnonzero(row) for row in slopes], "COLUMN")
-    reach = slopes | np.eye(n_x, n_v, dtype=bool)
-    for k in range(n_x):  # Warshall: through each state in turn
-        reach |= reach[:, k : k + 1] & reach[k]
-    reaches_all = n_x > 0 and bool(reach.all())
-    yield f"#define REACHES_ALL {int(reaches_all)}"
-    if not reaches_all:
-        yield from ragged_table("REACH", [np.flatnonzero(row) for row in reach], "COLUMN")
-    filled = slopes[:, :n_x] | np.eye(n_x, dtype=bool)
-    for k in range(n_x):
-        below = filled[:, k] & (np.arange(n_x) > k)
-        filled[np.ix_(below, np.arange(n_x) > k)] |= filled[k, k + 1 :]
-    yield from ragged_table("LOWER", [k + 1 + np.flatnonzero(filled[k + 1 :, k]) for k in range(n_x)], "PLACE")
-    yield from ragged_table("UPPER", [k + 1 + np.flatnonzero(filled[k, k + 1 :]) for k in range(n_x)], "PLACE")
+    reach = reached(entries, len(spec.states), n_v)
+    yield from step_tables(entries, len(spec.states), n_v)
     for layout, kind in _kinds(spec):
         yield from ragged_table("STATE", [_joint_places(layout, row) for row in reach], "PLACE", kind)
 
@@ -180,18 +161,6 @@ def _joint_places(spec: EngineSpec, pattern: BoolArray, *, slot: bool = False) -
     return places + [spec.noise_slice.start + k for k, index in enumerate(spec.noisy_inputs) if pattern[last + index]]
 
 
-def _with_sparse_slope(name: str, function: ca.Function) -> tuple[ca.Function, list[tuple[int, int]]]:
-    """Give a function of a value and the entries of its slope that are not zero, and the places of these."""
-    arguments = [ca.SX.sym(f"a{k}", *function.size_in(k)) for k in range(function.n_in())]
-    value, slope = function(*arguments)
-    slope = ca.sparsify(slope)
-    rows, columns = slope.sparsity().get_triplet()
-    order = sorted(range(len(rows)), key=lambda k: (rows[k], columns[k]))
-    entries = ca.vertcat(*(slope.nz[k] for k in order)) if order else ca.SX(0, 1)
-    sparse = ca.Function(name, arguments, [ca.densify(value), ca.densify(entries)], {"cse": True})
-    return sparse, [(rows[k], columns[k]) for k in order]
-
-
 def _named(name: str, function: ca.Function) -> ca.Function:
     """Give a function under another name."""
     arguments = [ca.SX.sym(f"a{k}", *function.size_in(k)) for k in range(function.n_in())]
@@ -201,26 +170,8 @@ def _named(name: str, function: ca.Function) -> ca.Function:
 def _functions(
     spec: EngineSpec, model: StepModel, rates: ca.Function, readings: ca.Function, *, linear: bool
 ) -> Iterable[tuple[ca.Function, dict[str, str]]]:
-    if model.z.numel():
-        arguments = [ca.SX.sym(f"a{k}", *model.newton_step.size_in(k)) for k in range(3)]
-        step, misfit = model.newton_step(*arguments)
-        outputs = [ca.densify(step), ca.densify(misfit)]
-        yield ca.Function("model_newton", arguments, outputs, {"cse": True}), {"step": "lanes", "misfit": "lanes"}
-        yield ca.Function("model_misfit", arguments, outputs[1:], {"cse": True}), {"misfit": "lanes"}
+    yield from implicit_functions(model)
     yield rates, {"value": "lanes", "slopes": "double" if linear else "lanes"}
     yield readings, {"value": "lanes", "slopes": "lanes"}
     if spec.checked(CheckKind.SIGNAL):
         yield _named("model_signals", model.by_hand), {"value": "lanes"}
-
-
-def _function(function: ca.Function, outputs: dict[str, str]) -> str:
-    """Give a function of the model as C: of lanes v and z, and inputs u that all lanes share."""
-    inputs = {"v": True, "u": False, "z": True}
-    wide = {name: kind == "lanes" for name, kind in outputs.items()}
-    body = "\n".join(f"    {item.line}" for item in statements(function, inputs, wide))
-    results = ", ".join(f"{kind} *FB_RESTRICT {name}" for name, kind in outputs.items())
-    unused = ", ".join(f"(void){name}" for name in (*inputs, *outputs))  # which of them are depends on the model
-    return (
-        f"\nstatic void {function.name()}(const lanes *FB_RESTRICT v, const double *FB_RESTRICT u,\n"
-        f"    const lanes *FB_RESTRICT z, {results})\n{{\n    {unused};\n{body}\n}}"
-    )

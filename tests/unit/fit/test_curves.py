@@ -221,7 +221,7 @@ def test_no_law_has_an_absurd_power() -> None:
     bent = with_imperfections(graph, (curve,))
     model = build_step_model(build_plant(bent))
     fake = SimpleNamespace(own=(), graph=graph, parameters=(), inside=frozenset(), step=1.0, longest=100.0)
-    ground = Ground(cast(Search, fake), bent, model, lambda: cast(Likelihood, None), slopes=False)
+    ground = Ground(cast(Search, fake), bent, model, lambda: cast(Likelihood, None))
     unknowns = ground.plant(nominal_q(model), (curve,)).unknowns
     (k,) = (k for k, item in enumerate(unknowns.parameters) if item.name == parameter_name(curve))
     ends = np.array([unknowns.lower[k], unknowns.upper[k]]) * unknowns.parameters[k].scale
@@ -575,7 +575,7 @@ def test_what_is_kept_at_an_end_follows_nothing(monkeypatch: pytest.MonkeyPatch)
         own=(), graph=graph, parameters=tuple(enumerate(graph.parameters)), inside=frozenset({"h"}), few=(), trained=(),
         believed=frozenset(), step=1.0, longest=100.0, begin=begin, columns=model.states,
     )  # fmt: skip
-    ground = Ground(cast(Search, fake), bent, model, lambda: cast(Likelihood, None), slopes=True)
+    ground = Ground(cast(Search, fake), bent, model, lambda: cast(Likelihood, None))
     values = {item.name: item.nominal * (3.0 if item.name == "h" else 1.0) for item in graph.parameters}
 
     def evaluated(plant: FittedPlant, *_: object) -> Evaluation:

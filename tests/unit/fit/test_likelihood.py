@@ -103,8 +103,12 @@ def test_the_likelihood_is_that_of_the_joint_distribution(text: str, each: float
     assert evaluate_likelihood(plant, records, begin).value == pytest.approx(dense_likelihood(points, each), rel=1e-9)
 
 
-def test_slopes_are_exact() -> None:
-    """The score is the derivative of the likelihood, also by start, noise, memories and what follows moves."""
+def test_the_score_is_the_slope() -> None:
+    """The score is the derivative of the likelihood, also by start, noise, memories and what follows moves.
+
+    Where it is not large it is off by less than a thousandth of what scatters it, so that a fit ends within as much of
+    a standard error; elsewhere by little of it.
+    """
     text = AFTER.replace(", start: {q: 0.1 C, sd: 0.02 C}", "")
     plant, records, begin = prepared(text, recording())
     old, layout = plant.unknowns, plant.layout
@@ -123,7 +127,8 @@ def test_slopes_are_exact() -> None:
                 begin, values=begin.values + move[:n], starts=begin.starts + (move[n:] * begin.sizes.ravel())
             )
             values.append(evaluate_likelihood(plant, records, there).value)
-        assert found.score[k] == pytest.approx((values[0] - values[1]) / 2e-5, rel=1e-5, abs=1e-4)
+        off = found.score[k] - (values[0] - values[1]) / 2e-5
+        assert abs(off) < 1e-3 * np.sqrt(found.information[k, k]) + 1e-4 * abs(found.score[k])
 
 
 def test_the_height_alone_is_that_with_slopes() -> None:
@@ -211,16 +216,17 @@ def test_names_that_make_no_sense(fixed: tuple[str, ...], free: tuple[str, ...] 
 
 
 def test_many_ways_to_declare_are_told_in_order() -> None:
-    """However many there are, each has the likelihood of a filter with slopes that follows it alone."""
+    """However many there are, each has the likelihood of a filter that follows it alone."""
     plant, records, begin = prepared(RC, recording())
     _, more, _ = prepared(RC, recording(90, seed=2))
     records, starts = (*records, *more), np.concatenate([begin.starts, begin.starts])
-    lanes = replace(plant, engine=likelihood_engine(build_model(parse_model(RC)), slopes=False), slopes=False)
     declared = np.tile(plant.base, (150, 1))
     declared[:, 0] *= np.linspace(0.5, 2.0, len(declared))
     declared[:, plant.layout.first_noise] += np.linspace(1.0, -1.0, len(declared))
-    found = likelihoods(lanes, records, starts, declared)
-    assert found == pytest.approx(likelihoods(plant, records, starts, declared), rel=1e-9)
+    found = likelihoods(plant, records, starts, declared)
+    point = FitPoint(values=np.zeros(0), starts=starts, sizes=np.ones_like(starts))
+    alone = [evidence_of(score_recordings(all_known(plant, q), records, point)) for q in declared]
+    assert found == pytest.approx(alone, rel=1e-9)
     assert len(set(found)) == len(declared)
 
 

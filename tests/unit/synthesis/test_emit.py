@@ -1,10 +1,10 @@
 """The C text of a filter: the same for the same model, and with the meaning of the graph."""
 
+import ctypes
 import os
 import subprocess
 import sys
 from hashlib import sha256
-from importlib.resources import files
 from pathlib import Path
 
 import casadi as ca
@@ -15,19 +15,28 @@ from faultbond.equations.evaluate import evaluate
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.errors import GenerationError
-from faultbond.fit.library import load_likelihood
 from faultbond.io.cache import loadable
 from faultbond.model.expression import FUNCTIONS
 from faultbond.model.parser import parse_expression
 from faultbond.model.text import load_model
 from faultbond.synthesis.compile import compile_library, required_compiler
-from faultbond.synthesis.emit import emit_filter
 from faultbond.synthesis.engine import build_model
+from faultbond.synthesis.functions_text import function_text
 from faultbond.synthesis.model_text import core_text
 from faultbond.synthesis.specify import build_spec
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
-TEMPLATE = files("faultbond.synthesis").joinpath("engine.c.in").read_text()
+CALLS_LAWS = """
+void call_laws(const double *y, const double *u, double *found, int n, int count)
+{
+    for (int first = 0; first < n; first += FB_LANES) {
+        lanes v = load(y + first), value[count];
+        laws(&v, u, &v, value);
+        for (int i = 0; i < count; i++)
+            for (int l = 0; l < FB_LANES; l++) memcpy(found + (first + l) * count + i, (double *)&value[i] + l, 8);
+    }
+}
+"""
 LAWS = {
     "abs": "abs(x) + abs(s)",
     "sign": "sign(x)*y",
@@ -86,16 +95,13 @@ def test_text_depends_on_the_model() -> None:
     assert f"#define N_SETS {len(spec.hypotheses)}\n" in text
 
 
-def graph_of(texts: tuple[str, ...], *, slopes: bool) -> ca.Function:
-    """A filter function of expressions in x (common), y (of the lane) and s (of the sample); seen: those in x and s."""
-    common, lane, sample = ca.SX.sym("common", 1), ca.SX.sym("lane", 1), ca.SX.sym("sample", 1)
-    values = {"x": common[0], "y": lane[0], "s": sample[0]}
+def graph_of(texts: tuple[str, ...]) -> ca.Function:
+    """Expressions in y (of a lane), and in x and s (that lanes share), with their slopes."""
+    lane, shared = ca.SX.sym("lane", 1), ca.SX.sym("shared", 2)
+    values = {"x": shared[0], "y": lane[0], "s": shared[1]}
     found = ca.vertcat(*(evaluate(parse_expression(text), values) for text in texts))
-    if slopes:
-        found = ca.vertcat(found, ca.vec(ca.jacobian(found, ca.vertcat(common, lane, sample))))
-    seen = ca.vertcat(*(item for item in ca.vertsplit(found) if not ca.depends_on(item, lane)))
-    results = [common / 2, ca.densify(seen), lane + common**2, ca.densify(found)]
-    return ca.Function("filter_step", [common, lane, sample], results, {"cse": True})
+    found = ca.vertcat(found, ca.vec(ca.jacobian(found, ca.vertcat(lane, shared))))
+    return ca.Function("laws", [lane, shared, ca.SX(0, 1)], [ca.densify(found)], {"cse": True})
 
 
 def test_every_function_of_laws_is_tried_here() -> None:
@@ -106,29 +112,21 @@ def test_every_function_of_laws_is_tried_here() -> None:
 def test_every_function_means_the_same_in_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every function of laws, its slopes, and arithmetic on lanes and scalars give the interpreter's numbers."""
     monkeypatch.setenv("FAULTBOND_CACHE", str(tmp_path))
-    compiler = required_compiler()
-    function = graph_of((*LAWS.values(), *ARITHMETIC), slopes=True)
-    with loadable([compile_library(emit_filter(function, TEMPLATE), compiler)]) as (library,):
-        engine = load_likelihood(library, function)
-    for count in (11, 0, 43):  # lanes; more of them than are taken at once
-        common, lanes = np.array([-1.1]), np.random.default_rng(8).uniform(0.2, 2.0, (1, count))
-        samples = np.array([[0.7], [2.0], [3.1]])
-        after = engine.advance(common, lanes, samples)
-        for t, sample in enumerate(samples):
-            given = common
-            for lane in range(count):
-                _, _, moved, expected = (item.full()[:, 0] for item in function(given, lanes[:, lane], sample))
-                assert after.innovations[t, :, lane] == pytest.approx(expected, rel=1e-12, abs=1e-13)
-                lanes[:, lane] = moved
-            common, seen = (item.full()[:, 0] for item in function(given, 1.0, sample)[:2])
-            assert after.seen[t] == pytest.approx(seen, rel=1e-12, abs=1e-13)
-        assert after.common == pytest.approx(common, rel=1e-15)
-        assert np.array_equal(after.lanes, lanes)
+    function = graph_of((*LAWS.values(), *ARITHMETIC))
+    text = '#include "maths.h"\n' + function_text(function, {"value": "lanes"}) + CALLS_LAWS
+    with loadable([compile_library(text, required_compiler())]) as (library,):
+        call = ctypes.CDLL(str(library)).call_laws
+    lanes, count = np.random.default_rng(8).uniform(0.2, 2.0, 16), function.numel_out(0)
+    for shared in np.array([[-1.1, 0.7], [-1.1, 2.0], [0.6, 3.1]]):
+        found = np.empty((len(lanes), count))
+        call(*(ctypes.c_void_p(item.ctypes.data) for item in (lanes, shared, found)), len(lanes), count)
+        expected = np.array([function(lane, shared, [])[:, 0].full()[:, 0] for lane in lanes])
+        assert found == pytest.approx(expected, rel=1e-12, abs=1e-13)
 
 
 def test_operation_without_a_c_form_is_named() -> None:
     """An operation that has no C form is refused by its name, not written wrongly."""
-    none, lane, sample = ca.SX(0, 1), ca.SX.sym("lane", 1), ca.SX.sym("sample", 1)
-    function = ca.Function("filter_step", [none, lane, sample], [none, none, lane, ca.atan2(lane, sample)])
+    lane, shared = ca.SX.sym("lane", 1), ca.SX.sym("shared", 1)
+    function = ca.Function("laws", [lane, shared, ca.SX(0, 1)], [ca.atan2(lane, shared)])
     with pytest.raises(GenerationError, match="no C form for OP_ATAN2"):
-        emit_filter(function, TEMPLATE)
+        function_text(function, {"value": "lanes"})
