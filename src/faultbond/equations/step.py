@@ -30,7 +30,10 @@ GAMMA = 1.0 - 1.0 / sqrt(2.0)
 NEWTON_STEPS = 10
 NEWTON_PARTS = (1 / 64, 1 / 16, 1 / 4, 1.0, 4.0, 16.0, 64.0)
 MAX_SUBSTEPS = 8
-_RESOLVED = 0.25  # a substep is at most this part of the fastest time constant, up to MAX_SUBSTEPS
+_RESOLVED = 0.25  # a substep is at most this part of the fastest time constant, up to MAX_SUBSTEPS, but of those of lags
+# A lag acts on nothing that it follows, so that it makes a step no less stable, and is off by what its own pole is: 0.4 % of
+# a move where a substep is half as long as the lag. More than four are of no use: a lag so short is over by then.
+_LAG_RESOLVED, _LAG_SUBSTEPS = 0.5, 4
 _REFERENCE_STEPS = 100
 _UP = 0.75  # of the way from the lowest to the highest that an input was in the recordings of a fit
 _NUDGE_PARTS = (0.01, 0.1, 1.0)  # of what a step would bring to a store
@@ -131,9 +134,8 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
     measure = ca.Function("measure", arguments, [*readings_(v, plant.u, solved), solved], {"cse": True})
     start = _nominal_start(plant, coordinates, v.numel(), scales)
     direct = _at_once(readings, plant.u, plant.z)
-    reference_x, reference_z, fastest = _reference(plant, rates, newton, start)
-    grid = graph.sample_time if graph.sample_time is not None else 1.0
-    substeps = int(np.clip(ceil(fastest * grid / _RESOLVED), 1, MAX_SUBSTEPS))
+    reference_x, reference_z, slopes = _reference(plant, rates, newton, start)
+    substeps = _substeps(plant, slopes)
     return StepModel(
         plant=plant,
         v=v,
@@ -359,8 +361,8 @@ def _usual_input(item: Input) -> float:
 
 def _reference(
     plant: Plant, rates: ca.Function, newton: ca.Function, start: FloatArray
-) -> tuple[FloatArray, FloatArray, float]:
-    """Run the nominal plant a while; give its last state, implicit signals, and the usual fastest rate (1/s).
+) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+    """Run the nominal plant a while; give its last state, implicit signals, and the slopes of the rates by the states.
 
     Where the start is one that the equations cannot leave, as tanks in a row that are all empty (a turbulent
     pipe between equal levels has an endless slope), the run is begun near it, with stores filled unlike each other.
@@ -387,7 +389,7 @@ def _reference(
         near = start.copy()
         near[: len(nudge)] = np.where(np.isfinite(start[: len(nudge)]), start[: len(nudge)], 0.0) + nudge
         best = max(best, run(near), key=lambda item: len(item[2]))
-    return best[0], best[1], _usual_rate(best[2])
+    return best
 
 
 def _nudges(rates: FloatArray, step: float) -> Iterator[FloatArray]:
@@ -417,12 +419,21 @@ def _advance(
     return v[:n_x] + 1.5 * h * k1 + 0.5 * h * k2, z, slope
 
 
+def _substeps(plant: Plant, slopes: list[FloatArray]) -> int:
+    """Give how many parts a step is taken in, from slopes (n_states, n_states) of the rates along a run, 1/s."""
+    lagging = np.array([bool(store.lag) for store in plant.network.states], dtype=bool)
+    grid = plant.graph.sample_time if plant.graph.sample_time is not None else 1.0
+    own, lags = (_usual_rate([slope[np.ix_(which, which)] for slope in slopes]) for which in (~lagging, lagging))
+    for_lags = min(ceil(lags * grid / _LAG_RESOLVED), _LAG_SUBSTEPS)
+    return int(np.clip(max(ceil(own * grid / _RESOLVED), for_lags), 1, MAX_SUBSTEPS))
+
+
 def _usual_rate(slopes: list[FloatArray]) -> float:
     """Give the median of the fastest rates, 1/s; equal slopes, as those of linear laws, are looked at once."""
     speeds: list[float] = []
     for k, slope in enumerate(slopes):
         same = k > 0 and np.array_equal(slope, slopes[k - 1])
-        speeds.append(speeds[-1] if same else float(np.max(np.abs(np.linalg.eigvals(slope)))))
+        speeds.append(speeds[-1] if same else float(np.max(np.abs(np.linalg.eigvals(slope)), initial=0.0)))
     return float(np.median(speeds)) if speeds else 0.0
 
 

@@ -16,6 +16,20 @@ from faultbond.model.text import load_model, parse_model
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
+LAGGING = """
+name: lagging
+sample_time: 1 s
+inputs: {V: {unit: V, lag: {value: 1 s, accuracy: 10 %}}}
+components:
+  source: {type: Se, law: e = V}
+  R: {type: R, parameters: {R: 10 ohm}}
+  C: {type: C, parameters: {C: 50 F}}
+junctions: {loop: 1}
+bonds: [source -> loop -> R, loop -> C]
+sensors: {v: {reads: C.e, unit: V, noise: 0.1 V}}
+"""
+
+
 def example(name: str) -> StepModel:
     """The step of a built-in plant."""
     return build_step_model(build_plant(load_model(EXAMPLES / name / "model.yaml")))
@@ -426,6 +440,21 @@ def test_reference_follows_the_step(name: str) -> None:
         x, _, found = model.predict(v, reference_inputs(model.plant), z, grid)
         v[:n], z = x.full()[:, 0], found.full()[:, 0]
     assert v[:n] == pytest.approx(model.reference_state, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("lag", "substeps"), [(0.01, 4), (0.1, 4), (0.3, 4), (0.6, 4), (0.7, 3), (1.0, 2), (1.9, 2), (2.1, 1), (30.0, 1)]
+)
+def test_a_lag_is_near_however_short(lag: float, substeps: int) -> None:
+    """What is left of a move after each sample is off by less than 0.4 % of it, with no more than four substeps."""
+    text = LAGGING.replace("1 s,", f"{lag} s,")
+    model = build_step_model(build_plant(parse_model(text)))
+    assert model.substeps == substeps
+    place = next(k for k, store in enumerate(model.plant.network.states) if store.lag)
+    v = nominal(model, *np.zeros(len(model.states)))
+    for k in range(1, 6):
+        v[: len(model.states)] = model.predict(v, [1.0], model.reference_implicit, 1.0)[0].full()[:, 0]
+        assert 1.0 - v[place] == pytest.approx(np.exp(-k / lag), abs=0.004)
 
 
 @pytest.mark.parametrize(
