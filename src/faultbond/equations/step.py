@@ -30,9 +30,11 @@ GAMMA = 1.0 - 1.0 / sqrt(2.0)
 NEWTON_STEPS = 10
 NEWTON_PARTS = (1 / 64, 1 / 16, 1 / 4, 1.0, 4.0, 16.0, 64.0)
 MAX_SUBSTEPS = 8
-_RESOLVED = 0.25  # a substep is at most this part of the fastest time constant, up to MAX_SUBSTEPS, but of those of lags
-# A lag acts on nothing that it follows, so that it makes a step no less stable, and is off by what its own pole is: 0.4 % of
-# a move where a substep is half as long as the lag. More than four are of no use: a lag so short is over by then.
+_RESOLVED = (
+    0.25  # a substep is at most this part of the fastest time constant, up to MAX_SUBSTEPS, but of those of lags
+)
+# A lag acts on nothing that it follows, so that it makes a step no less stable, and is off by what its pole is: 0.4 %
+# of a move where a substep is half as long as the lag. More than four are of no use: a lag so short is over by then.
 _LAG_RESOLVED, _LAG_SUBSTEPS = 0.5, 4
 _REFERENCE_STEPS = 100
 _UP = 0.75  # of the way from the lowest to the highest that an input was in the recordings of a fit

@@ -65,6 +65,7 @@ def ascend(
     anchor: FloatArray | None = None,
     turns: int | None = None,
     settled: float = SETTLED,
+    part: float = 0.0,
     tell: Callable[[str], None] = lambda step: None,
 ) -> Summit:
     """Climb from a point.
@@ -80,9 +81,11 @@ def ascend(
     anchor : (n_records, n_own), what was known of what recordings have for themselves; None: as at `begin`
     turns : steps at most, from `begin` alone; None: as many as it takes, and from places around where it is stuck
     settled : nats that the next step would still bring where a climb ends
+    part : of what the climb has gained by then, that the next step may bring as well where it ends
     tell : takes which step of how many comes, and what those before it have gained
     """
     hill = _Hill(plant, records, begin.starts if anchor is None else anchor, prior, tell)
+    hill.part = part
     now = hill.at(begin)
     hill.foot = now.posterior
     now = _straight(hill, now, TURNS if turns is None else turns, settled)
@@ -115,6 +118,7 @@ def _straight(hill: "_Hill", now: Summit, most: int, settled: float, begun: str 
             break
         hill.tell(f"{turn + 1} of at most {most}{begun}, {now.posterior - hill.foot:.0f} nats gained")
         slope, damping, precision = hill.slope(now), min(damping, STIFF), as_bent(now.precision, seen)
+        settled = max(settled, hill.part * (now.posterior - hill.foot))
         free = ~hill.held(now, slope)
         for attempt in range(PATIENCE):
             move, promise = hill.move(precision, slope, free, damping)
@@ -169,7 +173,7 @@ class _Hill:
         prior: FloatArray,
         tell: Callable[[str], None],
     ) -> None:
-        self.tell, self.foot = tell, 0.0  # foot: where the climb begins
+        self.tell, self.foot, self.part = tell, 0.0, 0.0  # foot: where the climb begins; part: see `ascend`
         self.plant, self.records, self.anchor = plant, records, anchor
         self.n, self.calls = len(prior), 0
         n_own = anchor.size

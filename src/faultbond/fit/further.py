@@ -139,8 +139,9 @@ def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfec
     staged = _weighed(search, stand, [replace(item, order=STAGES) for item in long[:1]])
     likely += _likeliest(search, [(item, gain) for _, item, gain in staged])
     tried = [(search.ground_with(stand, (item,)), item, gain) for item, gain in plainest(likely)]
-    ground, curves = search.curves(stand)
-    tried = [*((ground, *item) for item in _likeliest(search, plainest(curves))), *tried]
+    curves = _likeliest(search, plainest(search.curves(stand)))
+    bent = [(search.ground_with(stand, [*powers_beside(stand, [item]), item]), item, gain) for item, gain in curves]
+    tried = [*bent, *tried]
     if slow:
         shared = search.ground_with(stand, [item for item, _ in slow if item.key not in keys_of(stand.graph)])
         tried = [*((shared, *item) for item in slow), *tried]

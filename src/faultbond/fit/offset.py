@@ -43,11 +43,11 @@ def centred(search: Search, stand: Footing) -> Footing | None:
 def _curves_instead(search: Search, stand: Footing, offset: Imperfection) -> Iterator[Footing]:
     """Give where the likeliest curve of a parameter of the law leads, if one promises a gain."""
     acting = {item.parameter for item in bendable_parameters(search.all.model) if offset.place in item.acts_on}
-    ground, curves = search.curves(stand)
-    promised = [item for item in plainest(curves) if item[0].place in acting and item[1] > HINT]
+    promised = [item for item in plainest(search.curves(stand)) if item[0].place in acting and item[1] > HINT]
     for curve, _ in promised[:1]:
         search.tell(f"fitting {curve.words}")
-        yield ground.climbed(stand, *powers_beside(stand, [curve]), curve)
+        more = [*powers_beside(stand, [curve]), curve]
+        yield search.ground_with(stand, more).climbed(stand, *more)
 
 
 def likely_offsets(search: Search, stand: Footing) -> list[tuple[Imperfection, float]]:
@@ -70,8 +70,8 @@ def likely_offsets(search: Search, stand: Footing) -> list[tuple[Imperfection, f
             continue
         unit = _unit(error, place, usual)  # of the slow error, in what the law gives as it is written
         means = averages[kind_of(error), error.target]
-        mean = float(np.mean(means)) / error.sd
-        promised.append((replace(offset, size=mean * error.sd * unit), 0.5 * len(means) * mean**2))
+        mean, sd = float(np.mean(means)), stand.slow.get((error.target, error.relative), error.sd)
+        promised.append((replace(offset, size=mean * unit), 0.5 * len(means) * (mean / sd) ** 2))
         tried += [replace(offset, size=times * error.sd * unit) for times in SIZES]
     gains = gains_of(tried) if tried else []
     best: dict[str, tuple[Imperfection, float]] = {}

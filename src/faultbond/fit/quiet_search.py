@@ -62,6 +62,7 @@ FEWEST = 5.0  # nats, and
 CLOSE = 0.03  # part of the best gain: so much less is about as good
 ROUNDS = 8
 TURNS = 15  # steps of a climb that compares
+NEARLY = 0.01  # part of what such a climb has gained, that the next step may bring where it ends
 SIZES = (0.003, 0.01, 0.03, 0.1, 0.3)  # parts of a value, or of the usual size of a signal
 NOISES = (0.3, 1.0, 3.0)  # of a sensor's noise
 MEMORIES = (3.0, 20.0, 120.0, 600.0)  # samples
@@ -246,8 +247,8 @@ class Search:
         self.asked = sorted(best.values(), key=lambda item: item[1], reverse=True)
         return self.asked
 
-    def curves(self, stand: Footing) -> tuple["Ground", list[tuple[Imperfection, float]]]:
-        """Give a plant that may have all curves, and these, with what each would gain, nats, the likeliest first."""
+    def curves(self, stand: Footing) -> list[tuple[Imperfection, float]]:
+        """Give curves that a plant may have, with what each would gain, nats, the likeliest first."""
         self.tell("asking what parameters may go with")
         q, starts = self.all.q_of(stand), self.all.starts_of(stand)
         rows = [joint_courses(self.all.plant(q), *item, q) for item in zip(self.trained, starts, strict=True)]
@@ -256,9 +257,9 @@ class Search:
         own = {item.name for item in self.graph.parameters}
         new = [item for item in possible if item.place in own and parameter_name(item) not in stand.values]
         with suppress(StructureError):  # the equations may be left without an order in which to solve them
-            ground = self.ground_with(stand, new) if new else self.all
-            return ground, likeliest_curves(zip(new, ground.curve_gains(stand, new) if new else [], strict=True))
-        return self.all, []
+            gains = self.ground_with(stand, new).curve_gains(stand, new) if new else []
+            return likeliest_curves(zip(new, gains, strict=True))
+        return []
 
     def asking(self, stand: Footing) -> tuple[dict[str, float], Callable[[Sequence[Imperfection]], list[float]]]:
         """Give the usual size of each signal, and what tells what imperfections would gain with all else as it is."""
@@ -375,8 +376,6 @@ class Ground:
     def gains_of(self, stand: Footing, tried: Sequence[Imperfection]) -> FloatArray:
         """Give what each of some imperfections would gain, nats, with all else as it stands, (n,)."""
         q, starts = self.q_of(stand), self.starts_of(stand)[: len(self.search.few)]
-        for k, error in enumerate(self.graph.slow_errors, start=self.layout.first_noise + self.layout.n_y):
-            q[k] = np.log(stand.slow.get((error.target, error.relative), np.exp(q[k])))
         declared = np.array([self.with_one(q, item) for item in tried])
         return likelihoods(self.plant(q), self.search.few, starts, declared) - stand.few
 
@@ -409,8 +408,9 @@ class Ground:
         first = layout.first_noise + layout.n_y
         q[layout.first_noise : first] = np.log([item.noise for item in stand.graph.sensors])
         for k, error in enumerate(self.graph.slow_errors):
-            known = slow.get((error.target, error.relative), replace(error, sd=UNTRIED))
-            q[first + k], q[layout.first_memory + k] = np.log(known.sd), np.log(known.memory)
+            key = error.target, error.relative
+            known = slow.get(key, replace(error, sd=UNTRIED))
+            q[first + k], q[layout.first_memory + k] = np.log(stand.slow.get(key, known.sd)), np.log(known.memory)
         for place, (k, name) in enumerate(felt_moves(self.graph), start=layout.first_each):
             error = self.graph.slow_errors[k]
             stood = slow.get((error.target, error.relative))
@@ -439,19 +439,20 @@ class Ground:
     def plant(self, q: FloatArray, opened: Sequence[Imperfection] = ()) -> FittedPlant:
         """Give the plant about q (n_q,).
 
-        Parameters, noise of sensors, declared slow errors and what is opened are unknown.
+        Parameters, noise of sensors, slow errors, at most as large as declared, and what is opened are unknown.
         """
         search, layout = self.search, self.layout
-        base = nominal_q(self.model)
+        base, slow = nominal_q(self.model), layout.first_noise + layout.n_y
         base[layout.n_p :] = q[layout.n_p :]
+        declared = range(slow, slow + len(search.graph.slow_errors))
+        base[declared] = np.log([item.sd for item in search.graph.slow_errors])
         beside = (lag_of(item) for item in opened if item.kind is Kind.RATE_LIMIT)
         named = [(parameter_name(item), item.kind) for item in (*opened, *beside) if item.is_parameter]
         lags, curves = ({name for name, kind in named if kind in wanted} for wanted in ((Kind.LAG,), CURVES))
         further = {name for name, _ in named}
         sizes = {size_place(self.graph, layout, item): item for item in opened if item.kind in SIZED}
         memories = {memory_place(self.graph, layout, item): item for item in opened if item.is_slow}
-        declared = range(layout.first_noise, layout.first_noise + layout.n_y + len(search.graph.slow_errors))
-        noises = tuple(sorted({*declared, *sizes, *memories}))
+        noises = tuple(sorted({*range(layout.first_noise, slow), *declared, *sizes, *memories}))
         names = {item.name for _, item in search.parameters} - set(search.own) | further
         parameters = tuple((k, item) for k, item in enumerate(self.graph.parameters) if item.name in names)
         unknowns = unknowns_of(layout, base, parameters, noises, grow=True)
@@ -467,7 +468,7 @@ class Ground:
                 lower[k], upper[k] = np.log(search.step), np.log(max(search.longest, search.step))
             elif place in sizes:
                 upper[k] = np.log(MOST_PART) if sizes[place].kind in (Kind.RELATIVE, Kind.WANDER) else upper[k]
-            elif place >= layout.first_noise + layout.n_y:
+            elif place >= slow:
                 upper[k] = base[place]
         for k, (_, item) in enumerate(parameters):
             if item.name in search.inside:
@@ -502,7 +503,8 @@ class Ground:
         unknowns, begin = plant.unknowns, self.point_of(plant, q, stand, records)
         anchor = self.begin_of(records, search.begin).starts
         wide = unknowns.widened(self.widths(unknowns))
-        summit = ascend(plant, records, begin, wide, anchor=anchor, turns=TURNS, settled=CLOSE_ENOUGH)
+        part = NEARLY if few else 0.0
+        summit = ascend(plant, records, begin, wide, anchor=anchor, turns=TURNS, settled=CLOSE_ENOUGH, part=part)
         found = unknowns.fill(plant.base, summit.point.values)[0]
         ahead = foretold(plant, search.held, self.begin_of(search.held, search.begin_held), found)
         stood = self._stood(stand, opened, found, summit, evidence_of(ahead))

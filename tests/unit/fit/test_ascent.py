@@ -34,6 +34,14 @@ def test_a_hill_that_bends_upwards_tells_nothing() -> None:
     assert np.array_equal(as_bent(precision, [(np.zeros(2), np.zeros(2))]), precision)
 
 
+def one_unknown() -> tuple[FittedPlant, FitPoint]:
+    """A plant of which one number is sought, and zero to begin at."""
+    far, none = np.full(1, np.inf), np.zeros((1, 0))
+    unknowns = SimpleNamespace(n_theta=1, logarithmic=np.zeros(1, bool), nominal=np.zeros(1), lower=-far, upper=far)
+    plant = cast("FittedPlant", SimpleNamespace(unknowns=unknowns))
+    return plant, FitPoint(values=np.zeros(1), starts=none, sizes=none)
+
+
 @pytest.mark.parametrize(
     ("gains", "steps"),
     [
@@ -54,10 +62,29 @@ def test_a_climb_ends_after_two_steps_that_bring_nothing(
         return Evaluation(value=float(next(found)), score=np.ones(1), information=np.eye(1))
 
     monkeypatch.setattr(ascent, "evaluate_likelihood", folded)
-    far, none = np.full(1, np.inf), np.zeros((1, 0))
-    unknowns = SimpleNamespace(n_theta=1, logarithmic=np.zeros(1, bool), nominal=np.zeros(1), lower=-far, upper=far)
-    plant = cast("FittedPlant", SimpleNamespace(unknowns=unknowns))
-    begin = FitPoint(values=np.zeros(1), starts=none, sizes=none)
+    plant, begin = one_unknown()
     summit = ascend(plant, (), begin, np.full(1, 1e9), turns=len(heights) - 1, settled=0.2)
     assert (summit.steps, summit.settled) == (1 + steps, False)
     assert summit.posterior == pytest.approx(heights[steps])
+
+
+@pytest.mark.parametrize(("part", "left"), [(0.0, 0.2), (0.01, 10.0), (0.1, 100.0)])
+def test_a_climb_that_compares_ends_near_its_summit(monkeypatch: pytest.MonkeyPatch, part: float, left: float) -> None:
+    """Where the next step would bring a part of the 1000 nats that it gained; a smaller gain is found as before."""
+
+    def steep(_plant: object, _records: object, point: FitPoint) -> Evaluation:
+        x = float(point.values[0])  # each step halves what is left
+        return Evaluation(
+            value=top * (1.0 - (1.0 - x) ** 2), score=np.full(1, top * (1.0 - x)), information=np.eye(1) * top
+        )
+
+    monkeypatch.setattr(ascent, "evaluate_likelihood", steep)
+    monkeypatch.setattr(ascent, "as_bent", lambda precision, _: precision * 2.0)
+    plant, begin = one_unknown()
+    for top in (1000.0, 1.0):
+        summit = ascend(plant, (), begin, np.full(1, 1e9), turns=50, settled=0.2, part=part)
+        below = top - summit.posterior
+        assert summit.settled
+        assert below < 8.0 * max(0.2, left * top / 1000.0)
+        if top * part > 0.2:
+            assert below > left / 8.0

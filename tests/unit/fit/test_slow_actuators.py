@@ -192,7 +192,7 @@ def fitted_of(
 
     search = SimpleNamespace(
         step=1.0, trained=(), refused={}, idle={}, all=SimpleNamespace(model=SimpleNamespace(direct=())),
-        profile=lambda _: [], curves=lambda _: (None, []), ground_with=lambda *_: None,
+        profile=lambda _: [], curves=lambda _: [], ground_with=lambda *_: None,
     )  # fmt: skip
     monkeypatch.setattr(further, "late_ones", lambda *_: [(item, 100.0) for item in lags])
     monkeypatch.setattr(further, "other_holds", lambda *_: [])
