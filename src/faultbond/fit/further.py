@@ -19,8 +19,9 @@ from faultbond.errors import StructureError
 from faultbond.fit.curves import FOREIGN
 from faultbond.fit.delays import HINT, late_ones, other_holds
 from faultbond.fit.foothold import Added, Footing, keys_of
+from faultbond.fit.ground import Ground
 from faultbond.fit.imperfections import Imperfection, Kind, parameter_name, power_of
-from faultbond.fit.quiet_search import AGAIN, CLOSE, FEWEST, WORTH, Ground, Search
+from faultbond.fit.quiet_search import AGAIN, CLOSE, FEWEST, WORTH, Search
 
 TRIED = 3  # of the best of each kind, in each round
 STAGES = 4  # of a lag that is asked for where one of a single stage is likely: a dead time is nearer to it

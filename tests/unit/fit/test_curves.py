@@ -17,7 +17,8 @@ from faultbond.cli import DONE, main
 from faultbond.equations.evaluate import evaluate
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
-from faultbond.fit import further, quiet_search
+from faultbond.fit import further
+from faultbond.fit import ground as ground_module
 from faultbond.fit.bend import LEAST, Bend, bend_by
 from faultbond.fit.curves import (
     FOREIGN,
@@ -27,6 +28,7 @@ from faultbond.fit.curves import (
     possible_curves,
 )
 from faultbond.fit.foothold import Added, Footing
+from faultbond.fit.ground import MOST_POWER, Ground
 from faultbond.fit.imperfections import (
     Imperfection,
     Kind,
@@ -38,7 +40,7 @@ from faultbond.fit.imperfections import (
 )
 from faultbond.fit.likelihood import Likelihood, nominal_q
 from faultbond.fit.objective import Evaluation, FitPoint, FittedPlant
-from faultbond.fit.quiet_search import MOST_POWER, WORTH, Ground, Search
+from faultbond.fit.quiet_search import WORTH, Search
 from faultbond.io.recording import write_recording
 from faultbond.model.expression import Binary, Name
 from faultbond.model.graph import BondGraph, Check
@@ -590,7 +592,7 @@ def test_what_is_kept_at_an_end_follows_nothing(monkeypatch: pytest.MonkeyPatch)
         assert {names[k] for k in np.flatnonzero(prior == 0.0)} == {"h_by_flow", "h_bow_by_flow"}
         return [1.0, 2.0]
 
-    monkeypatch.setattr(quiet_search, "evaluate_likelihood", evaluated)
-    monkeypatch.setattr(quiet_search, "score_gains", gains)
+    monkeypatch.setattr(ground_module, "evaluate_likelihood", evaluated)
+    monkeypatch.setattr(ground_module, "score_gains", gains)
     assert ground.curve_gains(Footing(graph=graph, values=values, starts={}), new) == [1.0, 2.0]
     assert {name for name, moves in seen.items() if not moves} == {"h", "h_by_flow", "h_bow_by_flow"}
