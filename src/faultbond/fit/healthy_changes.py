@@ -9,7 +9,7 @@ National Bureau of Standards 87 (1982) 377.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -18,8 +18,9 @@ from faultbond.arrays import FloatArray
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.slots import plan_slots, with_slot
 from faultbond.contract.spec import EngineSpec, covariance_place, pack, unpack
-from faultbond.fit.innovations import Taken, take_recording
+from faultbond.fit.innovations import Taken, take_recordings
 from faultbond.fit.samples import HealthyRecording
+from faultbond.fit.side_by_side import side_by_side
 from faultbond.runtime.core import Core
 from faultbond.types import FaultKind
 
@@ -56,7 +57,7 @@ def healthy_changes(
     records : healthy recordings
     believed : what a fit has found
     """
-    taken = [take_recording(core, record) for record in records]
+    taken = take_recordings(core, records)
     found: dict[str, float] = {}
     for part in PARTS:
         length = int(part * core_settings()["AS_MANY"])
@@ -67,7 +68,8 @@ def healthy_changes(
 
 def _over_windows(core: Core, recordings: Sequence[Taken], believed: Believed, length: int) -> dict[str, float]:
     """Give the same over windows of so many samples alone."""
-    found = [item for taken in recordings for item in _windows(core, taken, believed, length)]
+    seen = side_by_side(lambda taken: _windows(replace(core), taken, believed, length), recordings)
+    found = [item for windows in seen for item in windows]
     if not found:
         return {}
     off, variance = (np.array(part) for part in zip(*found, strict=True))

@@ -16,6 +16,7 @@ from faultbond.contract.spec import covariance_place
 from faultbond.fit.cusum import added, heights_of, no_sums
 from faultbond.fit.response import raised_inputs, way_between, with_raised
 from faultbond.fit.samples import HealthyRecording, trusted
+from faultbond.fit.side_by_side import side_by_side
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
 
@@ -103,15 +104,15 @@ def watch_taken(
     scores, slow = np.full(shape, np.nan), np.full((*shape[:3], len(spec.slow_errors)), np.nan)
     shown, ways = np.full(shape[1:], np.nan), [np.zeros((0, 0))] * len(taken)
     use, forget, astray = np.zeros((3, *shape[1:]), dtype=bool)
+    found = list(side_by_side(lambda item: _runs(replace(core), item, variants, alone=alone), taken))
     for r, item in enumerate(taken):
         first = item.count - len(item.rows)
         warm = first + spec.thresholds.warm_up_samples
-        for k, variant in enumerate(variants):
-            scores[k, r, first : item.count], slow[k, r, first : item.count] = _filtered(core, item, variant)
+        for k, (innovations, errors) in enumerate(found[r][: len(variants)]):
+            scores[k, r, first : item.count], slow[k, r, first : item.count] = innovations, errors
         if alone:
-            by_itself = _alone(core, item)
+            by_itself, ways[r] = found[r][-1]
             shown[r, first : item.count] = np.where(item.use, by_itself, np.nan)
-            ways[r] = _ways(core, item, by_itself)
         scores[:, r, :warm], slow[:, r, :warm] = np.nan, np.nan
         use[r, first : item.count], astray[r, first : item.count] = item.use, item.astray[:, None]
         forget[r, first : item.count] = item.settling | item.astray[:, None]
@@ -141,6 +142,11 @@ def watch_taken(
         )
         for r, item in enumerate(taken)
     )
+
+
+def take_recordings(core: Core, records: Sequence[HealthyRecording]) -> list[Taken]:
+    """Run the monitor with its alarms off on recordings, each with memory of its own."""
+    return list(side_by_side(lambda record: take_recording(replace(core), record), records))
 
 
 def take_recording(core: Core, record: HealthyRecording) -> Taken:
@@ -199,6 +205,15 @@ def _walker(monitor: Monitor) -> tuple[int, bool]:
     """Give which parameter walked farthest after the last sample, and whether that is from where it started."""
     window, who = divmod(int(monitor.number("healthy.walker")), len(monitor.spec.parameters))
     return who, window == core_settings()["WALKS"]
+
+
+def _runs(core: Core, taken: Taken, variants: Sequence[Variant], *, alone: bool) -> list[tuple[FloatArray, FloatArray]]:
+    """Give what filters tell of each variant, see `_filtered`, and perhaps what the plant shows alone and its ways."""
+    found = [_filtered(core, taken, variant) for variant in variants]
+    if alone:
+        by_itself = _alone(core, taken)
+        found.append((by_itself, _ways(core, taken, by_itself)))
+    return found
 
 
 def _filtered(core: Core, taken: Taken, variant: Variant) -> tuple[FloatArray, FloatArray]:

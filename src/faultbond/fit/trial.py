@@ -8,7 +8,7 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.fit.false_alarms import SENSOR, Rate, alarm_rates, between_alarms
 from faultbond.fit.hints import Early, Late, early_sensors, late_sensors, mirrored_sensors
-from faultbond.fit.innovations import Variant, Watch, strayed_in, take_recording, watch_recording, watch_taken
+from faultbond.fit.innovations import Variant, Watch, strayed_in, take_recordings, watch_recording, watch_taken
 from faultbond.fit.lack_of_fit import Moment, Region, moments, wrong_regions
 from faultbond.fit.samples import HealthyRecording
 from faultbond.runtime.core import Core
@@ -115,7 +115,7 @@ def on_trial(
     none = {"accuracy": not spec.parameters, "noise": False, "slow": not spec.slow_errors}
     tried = {(kind, factor): Variant(**{kind: factor}) for kind in KINDS if not none[kind] for factor in factors}
     variants = list(dict.fromkeys([Variant(), *tried.values()]))
-    taken = [take_recording(core, item) for item in records]
+    taken = take_recordings(core, records)
     seen = list(zip(*watch_taken(core, taken, variants, alone=True), strict=True))
     found = {variant: alarm_rates(spec, watches, step) for variant, watches in zip(variants, seen, strict=True)}
     trials = []
@@ -199,7 +199,7 @@ def enough(core: Core, records: Sequence[HealthyRecording], promise: float, most
     step the noise of the sensor that alarms most often, or the slow error that does; this no more than LARGEST times,
     since a plant that may do anything is quiet and deaf.
     """
-    step, taken = _step(records), [take_recording(core, item) for item in records]
+    step, taken = _step(records), take_recordings(core, records)
 
     def rates(variant: Variant) -> tuple[Rate, ...]:
         seen = [item for (item,) in watch_taken(core, taken, (variant,))]
