@@ -29,7 +29,15 @@ from faultbond.fit.imperfections import (
     with_imperfections,
 )
 from faultbond.fit.likelihood import Likelihood, build_begin, felt_moves, known_starts, layout_of, nominal_q
-from faultbond.fit.objective import FitPoint, FittedPlant, Scored, evaluate_likelihood, score_recordings, ways_of
+from faultbond.fit.objective import (
+    FitPoint,
+    FittedPlant,
+    Scored,
+    evaluate_likelihood,
+    likelihood_value,
+    score_recordings,
+    ways_of,
+)
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.score import score_gains
 from faultbond.fit.stray import INSIDE
@@ -263,16 +271,30 @@ class Ground:
         near = self.search.believed | self.search.inside
         return np.array([1.0 if item.name in near else WIDE for item in unknowns.parameters])
 
-    def climbed(self, stand: Footing, *more: Imperfection, few: bool = False) -> Footing:
-        """Give where a climb leads that begins where it stands, with further imperfections; perhaps for few records."""
-        search = self.search
-        records = search.few if few else search.trained
-        opened = [*(item.what for item in stand.added), *more]
+    def _with_more(self, stand: Footing, more: Sequence[Imperfection]) -> FloatArray:
+        """Give q (n_q,) where it stands, with further imperfections of their sizes."""
         q = self.q_of(stand)
         for item in more:
             q = self.with_one(q, item)
+        return q
+
+    def climbed(self, stand: Footing, *more: Imperfection, few: bool = False) -> Footing:
+        """Give where a climb leads that begins where it stands, with further imperfections; perhaps for few records.
+
+        Curves begin straight where that is higher: what they are found as, other values had made room for.
+        """
+        search = self.search
+        records = search.few if few else search.trained
+        opened = [*(item.what for item in stand.added), *more]
+        q = self._with_more(stand, more)
         plant = self.plant(q, opened)
         unknowns, begin = plant.unknowns, self.point_of(plant, q, stand, records)
+        if any(item.kind in CURVES and item.size for item in more):
+            straight = self._with_more(
+                stand, [replace(item, size=0.0) if item.kind in CURVES else item for item in more]
+            )
+            begins = [begin, self.point_of(plant, straight, stand, records)]
+            begin = max(begins, key=lambda point: likelihood_value(plant, records, point))
         anchor = self.begin_of(records, search.begin).starts
         wide = unknowns.widened(self.widths(unknowns))
         part = NEARLY if few else 0.0
