@@ -223,6 +223,7 @@ def _searched(
                 if tried.quiet:
                     return tried, now
         if better is None and rounds < ROUNDS:
+            tell(f"looking for what is missing, round {rounds + 1} of at most {ROUNDS}")
             better = _next(search, stand, asked)
         if better is None:
             break
@@ -318,7 +319,7 @@ def _attempt(
     free = None if wishes.free is None else (*wishes.free, *sorted(_further(first, graph)))
     parameters = free_parameters(first, wishes.fixed, free, wishes.own)
     plant, records, begin = build_fit(model, likelihood_engine(model), core, read, parameters, wishes.own)
-    begin = replace(begin, values=values_of(plant, stand))
+    begin = replace(begin, values=values_of(plant, first, stand))
     found = fit_plant(
         plant,
         records,

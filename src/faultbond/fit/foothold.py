@@ -112,11 +112,15 @@ def keys_of(graph: BondGraph) -> set[tuple[Kind, str]]:
     return noisy | passing | {(kind_of(item), item.target) for item in graph.slow_errors}
 
 
-def values_of(plant: FittedPlant, stand: Footing) -> FloatArray:
-    """Give the unknowns (n,) of another fit of the same plant, with parameters as they stand."""
-    q = plant.base.copy()
+def values_of(plant: FittedPlant, graph: BondGraph, stand: Footing) -> FloatArray:
+    """Give the unknowns (n,) of another fit of a plant with what was added, with all that it seeks as it stands."""
+    q, layout = plant.base.copy(), plant.layout
     for place, item in zip(plant.unknowns.places, plant.unknowns.parameters, strict=False):
         q[place] = stand.values.get(item.name, item.nominal) / item.scale
+    first = layout.first_noise + layout.n_y
+    q[layout.first_noise : first] = np.log([item.noise for item in stand.graph.sensors])
+    for k, error in enumerate(graph.slow_errors, start=first):
+        q[k] = np.log(stand.slow.get((error.target, error.relative), error.sd))
     return np.clip(values_at(plant, q), plant.unknowns.lower, plant.unknowns.upper)
 
 

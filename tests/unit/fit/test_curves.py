@@ -563,9 +563,9 @@ def test_what_is_largest_somewhere_between_is_found(
     assert "% smaller where flow/usual is half of" in " ".join(capsys.readouterr().out.split())
 
 
-def test_what_is_kept_at_an_end_follows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A parameter that is kept from straying stands at its end: what a curve gains is asked with it there."""
-    graph, seen = parse_model(COOLER), dict[str, bool]()
+def bent_cooler(inside: frozenset[str] = frozenset()) -> tuple[BondGraph, list[Imperfection], Ground]:
+    """The oil cooler with a curve and a bow of its film, as a search without recordings takes it."""
+    graph = parse_model(COOLER)
     bow = replace(
         curve_over("flow", foreign=False), kind=Kind.BOW, bend=Bend(Name("flow"), "flow", 1.0, 0.1, bowed=True)
     )
@@ -574,10 +574,40 @@ def test_what_is_kept_at_an_end_follows_nothing(monkeypatch: pytest.MonkeyPatch)
     model = build_step_model(build_plant(bent))
     begin = FitPoint(values=np.zeros(0), starts=np.zeros((0, 2)), sizes=np.zeros((0, 2)))
     fake = SimpleNamespace(
-        own=(), graph=graph, parameters=tuple(enumerate(graph.parameters)), inside=frozenset({"h"}), few=(), trained=(),
+        own=(), graph=graph, parameters=tuple(enumerate(graph.parameters)), inside=inside, few=(), trained=(),
         believed=frozenset(), step=1.0, longest=100.0, begin=begin, columns=model.states,
     )  # fmt: skip
-    ground = Ground(cast(Search, fake), bent, model, lambda: cast(Likelihood, None))
+    return graph, new, Ground(cast(Search, fake), bent, model, lambda: cast(Likelihood, None))
+
+
+@pytest.mark.parametrize("higher", [0.0, -0.4])
+def test_a_curve_begins_straight_where_that_is_higher(monkeypatch: pytest.MonkeyPatch, higher: float) -> None:
+    """As it was found in another climb only where that is no worse: other values had made room for it there."""
+    graph, (power, bow), ground = bent_cooler()
+    begun: list[float] = []
+
+    def place(plant: FittedPlant) -> int:
+        return next(k for k, item in enumerate(plant.unknowns.parameters) if item.name == "h_by_flow")
+
+    def height(plant: FittedPlant, _: object, point: FitPoint) -> float:
+        return -abs(float(point.values[place(plant)] * plant.unknowns.parameters[place(plant)].scale) - higher)
+
+    def stop(plant: FittedPlant, _: object, point: FitPoint, *__: object, **___: object) -> None:
+        begun.append(float(point.values[place(plant)] * plant.unknowns.parameters[place(plant)].scale))
+        raise InterruptedError
+
+    monkeypatch.setattr(ground_module, "likelihood_value", height)
+    monkeypatch.setattr(ground_module, "ascend", stop)
+    values = {item.name: item.nominal for item in graph.parameters}
+    with pytest.raises(InterruptedError):
+        ground.climbed(Footing(graph=graph, values=values, starts={}), replace(power, size=-0.4), bow)
+    assert begun == pytest.approx([higher])
+
+
+def test_what_is_kept_at_an_end_follows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A parameter that is kept from straying stands at its end: what a curve gains is asked with it there."""
+    seen = dict[str, bool]()
+    graph, new, ground = bent_cooler(inside=frozenset({"h"}))
     values = {item.name: item.nominal * (3.0 if item.name == "h" else 1.0) for item in graph.parameters}
 
     def evaluated(plant: FittedPlant, *_: object) -> Evaluation:

@@ -1,0 +1,40 @@
+"""Where a search stands, and where another fit begins that goes on from there."""
+
+import numpy as np
+import pytest
+
+from faultbond.app.likelihood import likelihood_engine
+from faultbond.contract.samples import Sample
+from faultbond.fit.foothold import Footing, values_of, with_noise
+from faultbond.fit.session import build_fit, free_parameters
+from faultbond.model.text import parse_model
+from faultbond.synthesis.engine import build_engine, build_model
+
+RC = """
+name: rc
+sample_time: 0.1 s
+inputs: {V: {unit: V}}
+components:
+  source: {type: Se, law: e = V}
+  R: {type: R, parameters: {R: 10 ohm}}
+  C: {type: C, parameters: {C: 50 mF}}
+junctions: {loop: 1}
+bonds: [source -> loop -> R, loop -> C]
+sensors: {v: {reads: C.e, unit: V, noise: 0.1 V}, i: {reads: loop.f, unit: A, noise: 0.05 A}}
+slow_error: {v: 0.3 V over 2 s, R.e: 0.2 V over 1 s}
+"""
+
+
+def test_a_fit_goes_on_with_all_that_was_found() -> None:
+    """It begins with parameters, noise and slow errors as they stand; those of which nothing was found as declared."""
+    graph = parse_model(RC)
+    points = [Sample(time=0.1 * k, dt=0.1 if k else 0.0, u=np.ones(1), y=np.array([1.0, 0.0])) for k in range(40)]
+    model, core = build_model(graph), build_engine(graph)[1]
+    plant, _, _ = build_fit(model, likelihood_engine(model), core, [("made", points)], free_parameters(graph))
+    stand = Footing(
+        graph=with_noise(graph, np.array([0.13, 0.02])), values={"R": 11.0}, starts={}, slow={("v", False): 0.1}
+    )
+    found = plant.unknowns.fill(plant.base, values_of(plant, graph, stand))[0]
+    layout = plant.layout
+    assert found[: layout.n_p] == pytest.approx([1.1, 1.0])
+    assert np.exp(found[layout.n_p : layout.n_p + 4]) == pytest.approx([0.13, 0.02, 0.1, 0.2])
