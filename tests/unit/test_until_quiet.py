@@ -35,6 +35,7 @@ from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.errors import FaultbondError
 from faultbond.fit import further, objective, quiet_search, trial
+from faultbond.fit import ground as ground_module
 from faultbond.fit import offset as offset_module
 from faultbond.fit.bend import Bend
 from faultbond.fit.delays import HINT
@@ -423,7 +424,7 @@ def test_a_lag_that_was_tried_in_vain_is_tried_once_more_where_it_promises_more(
     search.refused = {} if refused is None else {lag.key: refused}
     ground = SimpleNamespace(best_late=lambda _, item: (item, gain))
     monkeypatch.setattr(Search, "profile", lambda *_: [])
-    monkeypatch.setattr(Search, "curves", lambda *_: (None, []))
+    monkeypatch.setattr(Search, "curves", lambda *_: [])
     monkeypatch.setattr(Search, "ground_with", lambda *_, **__: ground)
     monkeypatch.setattr(further, "late_ones", lambda *_: [(lag, 2.0 * HINT)])
     monkeypatch.setattr(further, "other_holds", lambda *_: [])
@@ -440,7 +441,7 @@ def test_a_slow_error_that_was_tried_in_vain_is_so_once_more_where_it_promises_m
     search.trained, search.all = (), cast("Any", SimpleNamespace(model=SimpleNamespace(direct=())))
     search.refused = {slow.key: refused}
     monkeypatch.setattr(Search, "profile", lambda *_: [(slow, 8.0)])
-    monkeypatch.setattr(Search, "curves", lambda *_: (None, []))
+    monkeypatch.setattr(Search, "curves", lambda *_: [])
     monkeypatch.setattr(Search, "ground_with", lambda *_, **__: None)
     monkeypatch.setattr(further, "late_ones", lambda *_: [])
     monkeypatch.setattr(further, "other_holds", lambda *_: [])
@@ -459,7 +460,7 @@ def test_a_lag_that_gained_nothing_is_asked_for_again_where_more_speaks_for_it(m
         return item, FEWEST - 1.0
 
     monkeypatch.setattr(Search, "profile", lambda *_: [])
-    monkeypatch.setattr(Search, "curves", lambda *_: (None, []))
+    monkeypatch.setattr(Search, "curves", lambda *_: [])
     monkeypatch.setattr(Search, "ground_with", lambda *_, **__: SimpleNamespace(best_late=best))
     monkeypatch.setattr(further, "late_ones", lambda *_: [(lag, hints[0])])
     monkeypatch.setattr(further, "other_holds", lambda *_: [])
@@ -637,7 +638,7 @@ def test_a_footing_stands_by_what_counts_as_evidence(tmp_path: Path, monkeypatch
     model.write_text(MODEL, encoding="utf-8")
     recordings = [write(tmp_path / f"{k}.csv", seed=k, rows=300) for k in (1, 2, 3, 4)]
     monkeypatch.setattr(quiet_search, "FEW_SAMPLES", 300)
-    monkeypatch.setattr(quiet_search, "evidence_of", lambda seen: float(len(seen)))
+    monkeypatch.setattr(ground_module, "evidence_of", lambda seen: float(len(seen)))
     monkeypatch.setattr(quiet_fit, "_seems_quiet", lambda *_: False)
     monkeypatch.setattr(quiet_fit, "_next", lambda _, stand, __: stands.append(stand))
     records(tmp_path, model, *recordings, "-o", tmp_path / "new.yaml")
@@ -722,10 +723,7 @@ def test_a_curve_of_the_same_law_may_do_better(held: float, wins: str, monkeypat
         tell=lambda _: None,
         ground_with=lambda *_: SimpleNamespace(climbed=climbed),
         all=SimpleNamespace(model=model),
-        curves=lambda _: (
-            SimpleNamespace(climbed=climbed),
-            list(zip(curves, (99.0, HINT + 1.0, HINT - 1.0), strict=True)),
-        ),
+        curves=lambda _: list(zip(curves, (99.0, HINT + 1.0, HINT - 1.0), strict=True)),
     )
     found = centred(cast("Search", search), stand)
     assert asked == [offset, curves[1]]
@@ -1352,7 +1350,7 @@ def test_a_slow_error_is_raised_by_itself_and_not_without_end(
         slow = replace(quiet, kind="slow error", name="R.e", peak=0.5 / near)
         return quiet, slow, replace(slow, name="L.e", peak=ROOM * takes / far)
 
-    monkeypatch.setattr(trial, "take_recording", lambda _, item: item)
+    monkeypatch.setattr(trial, "take_recordings", lambda _, items: items)
     monkeypatch.setattr(trial, "watch_taken", lambda _, __, variants: [variants])
     monkeypatch.setattr(trial, "alarm_rates", rates)
     errors = tuple(SimpleNamespace(alarms=alarms) for alarms in (False, True, True))
