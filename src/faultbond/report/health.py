@@ -222,7 +222,7 @@ def health_verdict(graph: BondGraph, found: Health) -> str:
     if found.walk > 1.0:  # what else is declared is no cure of that
         far = f"the healthy model has to move {found.walker} as far as for an alarm"
         return f"The model does not keep the promise: {far}. {cure_of_walk(graph, found.walker)}"
-    now = "it alarms on them" if found.peak > 1.0 else f"a false alarm every {spacing_text(found.between)}"
+    now = "it alarms on these recordings" if found.peak > 1.0 else f"a false alarm every {spacing_text(found.between)}"
     factors = {kind: factor for kind, factor in found.needed.items() if factor and factor != 1.0}
     ways = [f"{WORDS[kind]} {factor:g} times as large" for kind, factor in factors.items() if factor > 1.0]
     ways += [f"{WORDS[kind]} {factor:g} times those declared" for kind, factor in factors.items() if factor < 1.0]

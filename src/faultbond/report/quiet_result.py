@@ -559,7 +559,9 @@ def quiet_verdict(found: Quieted) -> str:
         )
     if found.quiet:
         return f"The recordings are as quiet as promised: a false alarm every {between}, as far as they tell.{deaf}"
-    now = "it alarms on them" if found.alarms or health.peak > 1.0 else f"a false alarm every {between}"
+    now = f"a false alarm every {between}"
+    if found.alarms or health.peak > 1.0:
+        now = f"it alarms on {join([*found.alarms]) or 'these recordings'}"
     return (
         f"The model is not as quiet as promised: {now}. Fit what was written once more, as it is: with what was found "
         "more may be seen. If that adds nothing, mend it where it is wrong."

@@ -1,6 +1,8 @@
 """What a trial on healthy data comes to, in a sentence."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
@@ -9,7 +11,9 @@ from faultbond.fit.lack_of_fit import Region
 from faultbond.fit.trial import Health
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
+from faultbond.report.fit_result import Fitted
 from faultbond.report.health import _needed_texts, health_verdict, where_lines
+from faultbond.report.quiet_result import Quieted, quiet_verdict
 
 MODEL = """
 name: divider
@@ -124,5 +128,23 @@ def test_a_sensor_that_is_let_be_anything_is_named(spread: float, memory: float,
 
 def test_what_alarms_by_its_sums_says_so() -> None:
     """Where no parameter walks, it is what it was."""
-    assert "does not keep the promise: it alarms on them." in health_verdict(GRAPH, health(peak=1.3))
+    assert "does not keep the promise: it alarms on these recordings." in health_verdict(GRAPH, health(peak=1.3))
     assert "a false alarm every" in health_verdict(GRAPH, health(between=1e4))
+
+
+def test_a_model_that_is_not_quiet_says_on_what_it_alarms() -> None:
+    """The recordings by name where the monitor alarms on them; else that some statistic would, or how often."""
+    found = Quieted(
+        fitted=cast("Fitted", SimpleNamespace(values={}, moves={})),
+        text="",
+        held=(),
+        stated=True,
+        promise=1e6,
+        health=health(peak=1.3, between=1e3),
+    )
+    start = "The model is not as quiet as promised: "
+    alarmed = replace(found, alarms={"h1.csv": 20.0, "h3.csv": 2420.0})
+    assert quiet_verdict(alarmed).startswith(f"{start}it alarms on h1.csv and h3.csv. ")
+    assert quiet_verdict(found).startswith(f"{start}it alarms on these recordings. ")
+    often = replace(found, health=health(between=7200.0))
+    assert quiet_verdict(often).startswith(f"{start}a false alarm every 2 h. ")
