@@ -563,9 +563,9 @@ def test_what_is_largest_somewhere_between_is_found(
     assert "% smaller where flow/usual is half of" in " ".join(capsys.readouterr().out.split())
 
 
-def bent_cooler(inside: frozenset[str] = frozenset()) -> tuple[BondGraph, list[Imperfection], Ground]:
+def bent_cooler(inside: frozenset[str] = frozenset(), more: str = "") -> tuple[BondGraph, list[Imperfection], Ground]:
     """The oil cooler with a curve and a bow of its film, as a search without recordings takes it."""
-    graph = parse_model(COOLER)
+    graph = parse_model(COOLER + more)
     bow = replace(
         curve_over("flow", foreign=False), kind=Kind.BOW, bend=Bend(Name("flow"), "flow", 1.0, 0.1, bowed=True)
     )
@@ -578,6 +578,19 @@ def bent_cooler(inside: frozenset[str] = frozenset()) -> tuple[BondGraph, list[I
         believed=frozenset(), step=1.0, longest=100.0, begin=begin, columns=model.states,
     )  # fmt: skip
     return graph, new, Ground(cast(Search, fake), bent, model, lambda: cast(Likelihood, None))
+
+
+def test_a_slow_error_may_be_as_large_as_declared_again() -> None:
+    """A climb begins with it as it was found; what is added may leave it as much as was declared, and no more."""
+    graph, _, ground = bent_cooler(more="slow_error: {out.f: 50 W over 600 s}")
+    (error,) = graph.slow_errors
+    stand = Footing(graph=graph, values={}, starts={}, slow={(error.target, error.relative): 0.1 * error.sd})
+    q = ground.q_of(stand)
+    plant, place = ground.plant(q), ground.layout.first_noise + ground.layout.n_y
+    k = int(np.flatnonzero(plant.unknowns.places == place)[0])
+    assert q[place] == pytest.approx(np.log(0.1 * error.sd))
+    assert plant.unknowns.upper[k] == pytest.approx(np.log(error.sd))
+    assert plant.unknowns.nominal[k] == pytest.approx(np.log(error.sd))
 
 
 @pytest.mark.parametrize("higher", [0.0, -0.4])

@@ -131,6 +131,17 @@ def test_the_score_is_the_slope() -> None:
         assert abs(off) < 1e-3 * np.sqrt(found.information[k, k]) + 1e-4 * abs(found.score[k])
 
 
+def test_a_start_in_a_tiny_unit_is_not_lost_in_rounding() -> None:
+    """What a recording says of its start is the same in any unit, be that a part in 1e15 of where it is."""
+    plant, records, begin = prepared(RC.replace(", start: {q: 0.1 C, sd: 0.02 C}", ""), recording())
+    begin = replace(begin, starts=np.full((1, 1), 3e3))
+    usual, tiny = (
+        evaluate_likelihood(plant, records, replace(begin, sizes=np.full((1, 1), size))).score[-1] / size
+        for size in (1.0, 3e-12)
+    )
+    assert tiny == pytest.approx(usual, rel=1e-3)
+
+
 def test_the_height_alone_is_that_with_slopes() -> None:
     """A search that asks for it first takes the same way; a plant that runs away has none."""
     plant, records, begin = prepared(RC, recording())
