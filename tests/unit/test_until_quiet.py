@@ -761,6 +761,9 @@ slow_error: {loop.f: 1 g/s over 600 s}
     assert (found.size, gain) == pytest.approx((625.0, 25.0))  # a flow that is less by 1/32 is a pressure that is more
     law = with_imperfections(graph, (found,)).component("pipe").laws[0]
     assert to_text(law.right).endswith(" + pipe_e_offset")
+    stand = Footing(graph=graph, values={}, starts={}, slow={("loop.f", False): 0.5e-3})  # a slow error of half as much
+    ((again, more),) = likely_offsets(cast("Search", search), stand)
+    assert (again, more) == (found, pytest.approx(4.0 * gain))
 
 
 def test_a_temperature_has_no_error_that_is_a_part_of_it() -> None:
