@@ -31,7 +31,7 @@ NEWTON_STEPS = 10
 NEWTON_PARTS = (1 / 64, 1 / 16, 1 / 4, 1.0, 4.0, 16.0, 64.0)
 MAX_SUBSTEPS = 8
 _RESOLVED = (
-    0.25  # a substep is at most this part of the fastest time constant, up to MAX_SUBSTEPS, but of those of lags
+    0.25  # a substep is at most this part of the fastest time constant, up to MAX_SUBSTEPS; not of those of lags
 )
 # A lag acts on nothing that it follows, so that it makes a step no less stable, and is off by what its pole is: 0.4 %
 # of a move where a substep is half as long as the lag. More than four are of no use: a lag so short is over by then.

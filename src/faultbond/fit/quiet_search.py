@@ -62,9 +62,7 @@ MOST_SAMPLES = 6000  # with which sizes are compared
 FEW_SAMPLES = 8000  # of the recordings with which imperfections are compared; what is kept is fitted to all
 
 Tell = Callable[[str], None]
-Build = Callable[
-    [StepModel], Callable[[], Likelihood]
-]  # begins to build what runs filters, and gives what waits for it
+Build = Callable[[StepModel], Callable[[], Likelihood]]  # begins to build what runs filters; gives what waits for it
 
 
 class Search:
@@ -103,9 +101,8 @@ class Search:
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
         self.inside: frozenset[str] = frozenset()  # parameters that are kept from straying
         self.believed: frozenset[str] = frozenset()  # those of which it is known what made them stray
-        self.signals: dict[str, Expression] = {
-            name: Name(name) for name in (*signals, *self.behind.values())
-        } | movers_of(model)
+        names = (*signals, *self.behind.values())
+        self.signals: dict[str, Expression] = {name: Name(name) for name in names} | movers_of(model)
         tell("building a filter with all that may be missing")
         self.all = self._with_all(graph)
 

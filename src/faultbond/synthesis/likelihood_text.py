@@ -103,7 +103,7 @@ def _sizes(model: StepModel) -> dict[str, int]:
         "N_FELT": sum(len(item.after) for item in graph.slow_errors),
         "N_HELD_SENSORS": sum(item.valid_when is not None for item in graph.sensors),
         "N_HELD_STATES": len(_held_states(model)),
-        "N_HELD": 0,
+        "N_HELD": 0,  # of the samples of the core, see layout.h
         "N_V": model.v.numel(),
         "SUBSTEPS": model.substeps,
     }

@@ -580,6 +580,23 @@ def bent_cooler(inside: frozenset[str] = frozenset(), more: str = "") -> tuple[B
     return graph, new, Ground(cast(Search, fake), bent, model, lambda: cast(Likelihood, None))
 
 
+@pytest.mark.parametrize("few", [True, False])
+def test_only_a_climb_that_compares_ends_early(few: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is kept is fitted until a step brings nothing; where candidates compare, a part of the gain may be left."""
+    graph, (power, _), ground = bent_cooler()
+    left: list[float] = []
+
+    def stop(*_: object, part: float, **__: object) -> None:
+        left.append(part)
+        raise InterruptedError
+
+    monkeypatch.setattr(ground_module, "ascend", stop)
+    with pytest.raises(InterruptedError):
+        ground.climbed(Footing(graph=graph, values={}, starts={}), power, few=few)
+    assert [part > 0.0 for part in left] == [few]
+    assert max(left) < 0.05
+
+
 def test_a_slow_error_may_be_as_large_as_declared_again() -> None:
     """A climb begins with it as it was found; what is added may leave it as much as was declared, and no more."""
     graph, _, ground = bent_cooler(more="slow_error: {out.f: 50 W over 600 s}")
