@@ -2,13 +2,18 @@
 
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Thread
+from typing import cast
 
+import numpy as np
 import pytest
 
-from faultbond.app.unit_guess import FRACTION, TURNED, _readings
+from faultbond.app.method_face import Watcher
+from faultbond.app.unit_guess import FRACTION, TURNED, _is_quiet, _readings
 from faultbond.cli import main
+from faultbond.contract.samples import STATUSES, Reports, Samples, Status
 from faultbond.model.units import measure
 from made import EXAMPLES
 
@@ -106,3 +111,31 @@ def test_of_an_alarm_late_in_the_recording_nothing_is_tried(
     monkeypatch.setattr("faultbond.app.unit_guess.EARLY", 0)
     assert main(["run", MODEL, recording(tmp_path, times(PRESSURE, 1e-3))]) == 1
     assert "looks as if" not in capsys.readouterr().out
+
+
+@dataclass
+class _Losing:
+    """A watcher that loses the plant at one of its samples."""
+
+    at: int
+    taken: int = 0
+
+    def take(self, samples: Samples) -> Reports:
+        count = len(samples)
+        status = np.full(count, STATUSES.index(Status.WATCHING))
+        status[(np.arange(count) + self.taken) == self.at] = STATUSES.index(Status.LOST)
+        self.taken += count
+        nothing = np.zeros((count, 0))
+        return Reports(
+            status=status, wild=np.zeros(count, dtype=np.intp), expected=nothing, variance=nothing, cusum=nothing,
+            slow=nothing, left_out=nothing.astype(bool),
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize(("at", "most", "quiet"), [(25, 40, False), (1000, 200, True)])
+def test_a_trial_ends_where_the_plant_is_lost(at: int, most: int, quiet: bool) -> None:
+    """A filter that is lost solves its start again and again, which took most of the time of a run."""
+    watcher, nothing = _Losing(at), np.zeros((200, 0))
+    samples = Samples(time=np.arange(200.0), dt=np.ones(200), u=nothing, y=nothing)
+    assert _is_quiet(cast(Watcher, watcher), samples) is quiet
+    assert watcher.taken == most

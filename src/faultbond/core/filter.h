@@ -292,7 +292,7 @@ static lanes update(const lanes *lane, const given *FB_RESTRICT sample, Expected
         if (!counted) continue;
         /* In units of the sensor's noise, so that likelihoods keep a sensible size whatever the unit. */
         const lanes misfit = v_fmin(innovation * innovation * inverse, broadcast(WILDEST));
-        const lanes width = log_of(variance * (1.0 / OUTPUT_VARIANCE[j]));
+        const lanes width = v_log(variance * (1.0 / OUTPUT_VARIANCE[j]));
         const given nis = sample[SAMPLE_NIS + j], usual = GIVEN(nis > 0.0, nis, 1.0), least = GIVEN(usual > 1.0, usual, 1.0);
         const given run = sample[SAMPLE_RUN + j], temper = least + GIVEN(run > least, run - least, 0.0);
         gained -= 0.5 * use * (misfit + usual * width + LOG_2_PI) / temper;

@@ -62,7 +62,7 @@ static inline int64_t compared_with(int64_t index, int64_t length) { return (ind
 static inline double limit_together(int n)
 {
     const double ninth = 2.0 / (9.0 * (double)(n < 1 ? 1 : n < WALK_DEGREES ? n : WALK_DEGREES));
-    return pow(1.0 - ninth + WALK_LIMIT * sqrt(ninth), 1.5);
+    return pow_one(1.0 - ninth + WALK_LIMIT * sqrt(ninth), 1.5);
 }
 
 /* Whether a parameter moves by itself; rates: NULL: none does. */

@@ -73,7 +73,7 @@ static int moves_store(const Start *start, int64_t e, const double *healthy)
 static void let_jump(int state, int64_t e, int tied, const double *healthy, double *lane)
 {
     const int k = AT_PARAMETERS + JUMP_PARAMETER[e];
-    const double scale = pow(lane[k] / healthy[k], JUMP_EXPONENT[e]);
+    const double scale = pow_one(lane[k] / healthy[k], JUMP_EXPONENT[e]);
     for (int64_t j = 0; j < PLAIN_JOINT; j++) lane[plain_place(state, j)] *= scale;
     lane[plain_place(state, state)] *= scale;
     lane[state] *= scale;

@@ -35,6 +35,7 @@ _FUNCTIONS = {  # operations that are a call in C, for scalars and (with v_) for
     "OP_OR": "either",
     "OP_IF_ELSE_ZERO": "where_true",
 }
+_OWN = frozenset({"exp", "log", "pow"})  # that maths.h has for scalars too, by the name with _one
 _NAMES = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
 
 
@@ -116,7 +117,7 @@ def _term(operation: str, arguments: list[str], vector: dict[str, bool], wide: b
         raise GenerationError(f"no C form for {operation}; please report it with the model")
     call = _FUNCTIONS[operation]
     if not wide:
-        return f"{call}({', '.join(arguments)})"
+        return f"{call}{'_one' if call in _OWN else ''}({', '.join(arguments)})"
     wrapped = (name if vector[name] else f"broadcast({name})" for name in arguments)
     return f"v_{call}({', '.join(wrapped)})"
 
