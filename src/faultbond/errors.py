@@ -35,6 +35,14 @@ class RecordingError(FaultbondError):
     """A recording cannot be read, or lacks a column that the model needs."""
 
 
+class RowError(RecordingError):
+    """Rows do not go with the model. line: of the row that shows it, 0: it has no number. problem: all but where."""
+
+    def __init__(self, line: int, problem: str) -> None:
+        super().__init__(f"line {line}: {problem}" if line else problem)
+        self.line, self.problem = line, problem
+
+
 class NoVerdictError(RecordingError):
     """A recording can be read, and nothing that was asked for can be said from it."""
 

@@ -40,6 +40,8 @@ def test_all_is_well(tmp_path: Path, cache: Path, capsys: pytest.CaptureFixture[
     assert "compiled and called" in record["checks"]["compiling"]["told"]
     for name in ("casadi", "numpy", "pyyaml", "C compiler", "cache", "[parquet]", "watching plants"):
         assert [line for line in lines if line.split(None, 1)[1:] and line[8:].startswith(name)] != [], name
+    packages = [item for item in record["checks"].values() if item["group"] in {"library", "extra"}]
+    assert {item["state"] for item in packages} <= {"ok", "absent"}  # none that is there is called broken
     assert not cache.exists()
 
 

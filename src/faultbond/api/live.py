@@ -136,6 +136,8 @@ class Monitor:
         RecordingError
             Where the file cannot be read, is damaged, or is of another model.
         """
+        if not isinstance(path, str | os.PathLike):
+            raise RecordingError(f"{type(path).__name__}: expected the path of a file that `save` wrote.")
         if model is None:
             document = read_saved(Path(path)).document
             if document is None:

@@ -39,6 +39,8 @@ class Model:
     """
 
     def __init__(self, text: str, file: str = "model.yaml", recordings: Mapping[str, Path] | None = None) -> None:
+        if not isinstance(text, str):
+            raise ModelError(f"{type(text).__name__}: expected the text of a model file; `load` reads one.")
         self._source: ModelFile = ModelDocument(label=file, data=text.encode())
         self.recordings = dict(recordings or {})
         self.stated  # noqa: B018 - a mistake in it is told now
@@ -150,6 +152,8 @@ def load(path: str | os.PathLike[str]) -> Model:
     """
     if not isinstance(path, str | os.PathLike):
         raise ModelError(f"{type(path).__name__}: expected the path of a model file.")
+    if isinstance(path, str) and "\n" in path:
+        raise ModelError("a text of several lines: expected the path of a model file; `Model(text)` takes a text.")
     model = Model.of_source(path)
     if not is_circuit(model.source):
         model.stated  # noqa: B018 - a mistake in it is told now

@@ -15,7 +15,7 @@ from faultbond.app.engine import build_watcher
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.app.model_check import write
 from faultbond.app.presence import silent_of
-from faultbond.app.rows import no_time, pace_of, sample_of, texts_of
+from faultbond.app.rows import naming, no_time, pace_of, sample_of, texts_of
 from faultbond.app.section import Section
 from faultbond.app.signals import SIGNALLED, Stopped, stop_of
 from faultbond.app.wishes import FitWishes
@@ -294,7 +294,8 @@ def read_points(graph: BondGraph, recording: Recording, warn: Callable[[str], No
     """
     grid = Grid(graph.sample_time, steady=True, row_time=graph.row_time, held=graph.held_inputs)
     texts = texts_of(recording)
-    points = [sample_of(point) for point in on_grid(read_rows(recording, columns_of(graph), texts), grid)]
+    with naming(recording):
+        points = [sample_of(point) for point in on_grid(read_rows(recording, columns_of(graph), texts), grid)]
     if not points:
         raise RecordingError(no_time(recording, texts))
     refuse_disorder(grid, recording)

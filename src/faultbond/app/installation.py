@@ -23,7 +23,10 @@ from faultbond.synthesis.compile import (
 )
 
 PACKAGE = "faultbond"
-MODULES = {"pyyaml": "yaml"}  # of packages that are imported by another name than they are installed by
+MODULES = {
+    "pyyaml": "yaml",
+    "protobuf": "google.protobuf",
+}  # of packages that are imported by another name than they are installed by
 GIVES = {  # what each extra is for
     "compiler": "a C compiler for machines that have none",
     "parquet": "recordings as Parquet",

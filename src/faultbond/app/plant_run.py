@@ -12,7 +12,7 @@ from faultbond.app.kept_run import Keeper, read_before, stamp_of
 from faultbond.app.method_face import Watcher
 from faultbond.app.methods import BankWatcher, build_method, prepared_bank
 from faultbond.app.plant import WatchedPlant
-from faultbond.app.rows import begun, called, no_time, pace_of, portions, progress, texts_of
+from faultbond.app.rows import begun, called, naming, no_time, pace_of, portions, progress, texts_of
 from faultbond.app.signals import Stopping
 from faultbond.app.wishes import Wanted
 from faultbond.contract.findings import History
@@ -157,7 +157,8 @@ def watch_plant(
             out.go_on(records)
         out.record(_run_record(run.watcher.spec, wanted.method, before))
         keeper = Keeper(wanted.state, course, wanted.method, out, records, stamp) if wanted.state else None
-        _pass(course, follow(portions(blocks)), grid, keeper, out, live=live)
+        with naming(recording):
+            _pass(course, follow(portions(blocks)), grid, keeper, out, live=live)
     if not course.counts.samples:
         passed = course.counts.duplicate and before
         raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording, texts))

@@ -2,13 +2,13 @@
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import accumulate, chain
 from pathlib import Path
 from time import monotonic
 
 from faultbond.contract.samples import Sample
-from faultbond.errors import RecordingError
+from faultbond.errors import RecordingError, RowError
 from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.grid import Grid, GridPoint, RowBlock
 from faultbond.io.grid_points import MAX_BLOCK
@@ -29,6 +29,23 @@ Follow = Callable[[Iterable[RowBlock]], Iterable[RowBlock]]
 def called(recording: Recording) -> str:
     """Give what messages call a recording."""
     return "standard input" if str(recording) == STANDARD_INPUT else str(recording)
+
+
+@contextmanager
+def naming(recording: Recording) -> Iterator[None]:
+    """Let what is wrong with a row tell of which recording it is.
+
+    Raises
+    ------
+    RecordingError
+        Instead of a `RowError`.
+    """
+    try:
+        yield
+    except RowError as error:
+        word = "row" if isinstance(recording, MemoryTable) else "line"
+        where = f"{word} {error.line}: " if error.line else ""
+        raise RecordingError(f"{called(recording)}: {where}{error.problem}") from error
 
 
 def no_time(recording: Recording, texts: TextCells | None = None) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from faultbond.app.disorder import refuse_disorder
-from faultbond.app.rows import no_time, sample_of
+from faultbond.app.rows import naming, no_time, sample_of
 from faultbond.app.wishes import Imperfections
 from faultbond.arrays import FloatArray
 from faultbond.contract.core_settings import core_settings
@@ -150,11 +150,12 @@ def driving_inputs(graph: BondGraph, recording: Recording) -> tuple[list[GridPoi
     last = np.full(len(graph.inputs), np.nan)
     rows = read_rows(recording, columns_of(graph, sensors=False))
     grid = Grid(graph.sample_time, steady=True)
-    for point in on_grid(rows, grid):
-        absent = ~np.isfinite(point.u)
-        held += bool(absent.any())
-        last = np.where(absent, last, point.u)
-        points.append(replace(point, u=last))
+    with naming(recording):
+        for point in on_grid(rows, grid):
+            absent = ~np.isfinite(point.u)
+            held += bool(absent.any())
+            last = np.where(absent, last, point.u)
+            points.append(replace(point, u=last))
     if not points:
         raise RecordingError(no_time(recording))
     refuse_disorder(grid, recording)

@@ -23,7 +23,7 @@ from faultbond.app.answers import answers
 from faultbond.app.disorder import refuse_disorder
 from faultbond.app.engine import build_watcher
 from faultbond.app.parameter_names import check_names
-from faultbond.app.rows import no_time, sample_of, texts_of
+from faultbond.app.rows import naming, no_time, sample_of, texts_of
 from faultbond.app.section import Section, Work
 from faultbond.app.simulation import START_POINTS, solved_start, start_of
 from faultbond.app.wishes import Wishes
@@ -133,7 +133,8 @@ def _points(graph: BondGraph, recording: Recording) -> tuple[GridPoint, ...]:
     grid = Grid(graph.sample_time, steady=True, row_time=graph.row_time, held=graph.held_inputs)
     texts = texts_of(recording)
     rows = on_grid(read_rows(recording, columns_of(graph), texts), grid)
-    points = tuple(point for point in rows if np.isfinite(point.u).any() or np.isfinite(point.y).any())
+    with naming(recording):
+        points = tuple(point for point in rows if np.isfinite(point.u).any() or np.isfinite(point.y).any())
     if not points:
         raise RecordingError(no_time(recording, texts))
     refuse_disorder(grid, recording)

@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray, IntArray
-from faultbond.errors import RecordingError
+from faultbond.errors import RecordingError, RowError
 from faultbond.io.frozen import Frozen
 from faultbond.io.grid_points import GridPoint, PointBlock, blocks_of_points, empty_points
 from faultbond.io.row_block import Row, RowBlock, block_of_rows, joined
@@ -128,6 +128,10 @@ class Grid:
         self._passed = -math.inf  # rows up to this time were passed by an earlier grid
         self._firsts: tuple[str, ...] = clock.firsts if clock else ()
         self._began = False  # whether a row with a time has come
+        self._follow, self._n_gaps = (
+            clock is not None,
+            0,
+        )  # whether any row followed another; how often too much was absent
         self.n_rows, self.n_dropped, self.n_again = 0, 0, 0  # taken by this grid; too late; with the time of another
         self._best: tuple[int, float, Row] | None = None  # newest grid point: index, distance and nearest row so far
         self._means: RowMeans | None = None
@@ -278,6 +282,7 @@ class Grid:
         """Take rows that follow all that came before, as `_take` and `_release` do one by one."""
         step, keep = self._step or 0.0, 0 if self._live else LOOK_BACK
         self.n_rows += len(rows)
+        self._follow = True
         waiting = sorted(self._waiting)
         if waiting:
             rows = joined(block_of_rows([item[3] for item in waiting]), rows)
@@ -444,17 +449,19 @@ class Grid:
         """Whether too much is absent before a row for the gap to be filled."""
         step = self._step or (0.0 if self._steady else self._interval())
         gap = (row.time - self._times[-1]) / step - 1.0 if step else 0.0  # points without a row
-        limit = MAX_FILLED if self._steady else MAX_GAP
-        if not gap > limit:
+        if not gap > MAX_GAP:
+            self._follow = True
             return False
-        n_jumps = self._tally["clock_jumps"]
-        if self._steady or n_jumps == self._tally["samples"] - 1 >= CLOCK_ROWS:  # none of the rows follows another
-            where = f"line {row.line}: " if row.line else ""
-            raise RecordingError(
-                f"{where}the time jumps from {self._times[-1]:.15g} s to {row.time:.15g} s, more than {limit:,} "
-                f"samples of {self._step or self._interval():g} s. Check the unit of the time column and sample_time."
+        self._n_gaps += 1
+        strange = not self._follow and self._n_gaps > CLOCK_ROWS
+        if strange or (self._steady and gap > MAX_FILLED):
+            raise RowError(
+                row.line,
+                f"the time jumps from {self._times[-1]:.15g} s to {row.time:.15g} s, more than "
+                f"{MAX_GAP if strange else MAX_FILLED:,} samples of {self._step or self._interval():g} s. "
+                "Check the unit of the time column and sample_time.",
             )
-        return True
+        return not self._steady
 
     @property
     def repeats_times(self) -> bool:

@@ -110,7 +110,8 @@ class MemoryTable:
                 raise RecordingError(f"{self}: {what}. Give one number for each row.")
         text = next((value for value in strange if isinstance(value, str) and value.strip()), None)
         if text is not None and len(strange) == len(found):
-            raise RecordingError(f"{self}: column {name!r} ({role}) holds text, such as {text[:40]!r}. Give numbers.")
+            advice = "Give seconds, or dates as 2026-05-31 10:00:00." if role == "time" else "Give numbers."
+            raise RecordingError(f"{self}: column {name!r} ({role}) holds text, such as {text[:40]!r}. {advice}")
 
 
 Recording: TypeAlias = str | Path | MemoryTable  # a path, `-` for standard input, or what is in memory
@@ -138,9 +139,12 @@ def table_of(frame: object) -> MemoryTable:
     if hasattr(frame, "__arrow_c_stream__"):
         arrow = ArrowTable(frame)
         return MemoryTable("the table", arrow.names, arrow.column)
-    raise RecordingError(
-        f"{type(frame).__name__}: this is no recording. Give a path, a data frame, an Arrow table, or a dict of arrays."
+    advice = (
+        "its `to_frame()`"
+        if hasattr(frame, "to_frame")
+        else "a path, a data frame, an Arrow table, or a dict of arrays"
     )
+    raise RecordingError(f"{type(frame).__name__}: this is no recording. Give {advice}.")
 
 
 def _of_frame(frame: Any) -> MemoryTable:

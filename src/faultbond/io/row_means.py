@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.errors import RecordingError
+from faultbond.errors import RowError
 from faultbond.io.row_block import Row
 
 TOO_SELDOM = 1.5  # times the stated time between rows that their usual one may be
@@ -156,10 +156,10 @@ class RowMeans:
         self._seen += 1
         usual = (row.time - self._first) / (FIRST_ROWS - 1)
         if self._seen == FIRST_ROWS and usual > TOO_SELDOM * self._row_time:
-            where = f"line {row.line}: " if row.line else ""
-            raise RecordingError(
-                f"{where}the rows come every {usual:.6g} s, but by the model file every {self._row_time:g} s, so their "
-                "means have more noise than it says. Mend `row_time`, or remove it."
+            raise RowError(
+                row.line,
+                f"the rows come every {usual:.6g} s, but by the model file every {self._row_time:g} s, so their "
+                "means have more noise than it says. Mend `row_time`, or remove it.",
             )
 
 

@@ -63,6 +63,9 @@ def serve(
             number = asyncio.run(_serve(site, certificate, out, uvicorn))
         except FaultbondError:
             raise
+        except BrokenPipeError:
+            _LOG.warning("Nobody reads standard output any more. The service ends; started again, it goes on.")
+            raise
         except Exception:
             _LOG.critical("The service ends; started again, it goes on from its log.", exc_info=True)
             raise

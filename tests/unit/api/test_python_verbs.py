@@ -214,6 +214,18 @@ def test_what_python_is_given_by_mistake(tmp_path: Path) -> None:
         fb.accept(MODEL, tmp_path / "state", ["R"])  # type: ignore[arg-type]
     with pytest.raises(FaultbondError, match="NoneType: expected the path"):
         fb.load(None)  # type: ignore[arg-type]
+    with pytest.raises(FaultbondError, match="NoneType: expected the text of a model file"):
+        fb.Model(None)  # type: ignore[arg-type]
+    with pytest.raises(FaultbondError, match=r"several lines: .*`Model\(text\)` takes a text"):
+        fb.load(MODEL.read_text())
+    with pytest.raises(FaultbondError, match="NoneType: expected the path of a file that `save` wrote"):
+        fb.Monitor.restore(None)  # type: ignore[arg-type]
+    with pytest.raises(FaultbondError, match=r"Simulation: this is no recording. Give its `to_frame\(\)`"):
+        fb.run(MODEL, fb.simulate(MODEL, inputs))
+    with pytest.raises(FaultbondError, match=r"column 'time' .* holds text, such as 'noon'. Give seconds, or dates"):
+        fb.run(MODEL, {**inputs, "time": ["noon"] * 5, "V_C": np.ones(5)})
+    with pytest.raises(FaultbondError, match=r"^the recording: row 12: the time jumps"):
+        fb.run(MODEL, {"time": 1e6 * np.arange(20), "V": np.ones(20), "V_C": np.ones(20)})
 
 
 def test_names_are_offered() -> None:

@@ -215,6 +215,8 @@ def test_rows_that_are_too_far_apart(live: bool) -> None:
     with pytest.raises(RecordingError, match=r"line 1[34]: the time jumps from .* 600 samples of 1 s"):
         run(times, live=live)
     assert run(times[:8], live=live)[1] == Counts(samples=8, clock_jumps=7)
+    with pytest.raises(RecordingError, match=r"line 1[34]: the time jumps from .* 600 samples of 1 s"):
+        list(on_grid(rows(*times), Grid(1.0, steady=True)))  # not millions of points, each without a value
     later = [*range(50), *times[1:]]
     assert run([float(time) for time in later], live=live)[1] == Counts(samples=149, clock_jumps=99)
 

@@ -60,6 +60,21 @@ def test_a_checkpoint_and_the_rows_behind_it_give_the_same(seed: int) -> None:
     assert [(item.id, item.content) for item in before + behind] == [(item.id, item.content) for item in whole]
 
 
+def test_rows_that_begin_once_more_are_watched_from_a_checkpoint_too() -> None:
+    """A file that was written anew, with the very first row of before: none is lost, whatever the service did since."""
+    block = rows().part(slice(400))
+    whole, first = Asset("loop", plant()), Asset("loop", plant())
+    for asset in (whole, first):
+        asset.take(block)
+    kept = first.checkpoint()
+    assert kept is not None
+    second = Asset("loop", plant(), kept)
+    for asset in (whole, second):
+        asset.take(block)
+    assert (second.counts, second.time) == (whole.counts, whole.time)
+    assert (second.counts.samples, second.counts.duplicate, second.counts.clock_jumps) == (800, 0, 1)
+
+
 def test_a_decision_is_kept_and_can_be_taken_back_until_the_next_alarm() -> None:
     """Accepting ends the alarm; what it was before is kept with every checkpoint since, and is what it was."""
     asset = Asset("loop", plant())

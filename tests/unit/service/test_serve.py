@@ -221,6 +221,18 @@ def test_the_log_is_written_as_asked(tmp_path: Path) -> None:
     assert told["message"].startswith(f"file:{tmp_path / 'absent.csv'}: ")
 
 
+def test_a_reader_that_goes_away_ends_it_in_one_line(tmp_path: Path) -> None:
+    """As in `faultbond serve ... --json - | head -1`: no traceback, and the exit code of a broken pipe."""
+    with served(tmp_path, free_port(), "--source", f"file:{RECORDING}?speed=max", "--json", "-") as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.wait(LONGEST) == 128 + signal.SIGPIPE
+        told = [line for line in process.stderr.read().splitlines() if "has ended" not in line]
+    assert len(told) == 1
+    assert "Nobody reads standard output any more" in told[0]
+
+
 def test_what_nobody_foresaw_ends_with_its_traceback(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
