@@ -7,7 +7,7 @@ from time import thread_time
 
 import numpy as np
 
-from faultbond.analysis.equilibrium import reference, reference_levels, times
+from faultbond.analysis.equilibrium import moving_inputs, reference, reference_levels, times
 from faultbond.analysis.experiment import random_experiments
 from faultbond.analysis.levenberg_marquardt import fit_lanes
 from faultbond.analysis.sensitivity import Experiment, Recursion, build_recursion
@@ -163,8 +163,8 @@ def _nominal_runs(model: StepModel, recursion: Recursion) -> list[Experiment]:
 
 def _benches(model: StepModel, recursion: Recursion, runs: Sequence[Experiment], last: Experiment) -> Iterator[Bench]:
     """Give benches along those of some runs that have a solution, then along `last` with inputs that move gently."""
-    moves = np.random.default_rng(0).uniform(1.0 - GENTLE, 1.0 + GENTLE, last.inputs.shape)
-    gentle = replace(last, inputs=times(model, reference_levels(model), moves))
+    moves = np.random.default_rng(0).uniform(-GENTLE, GENTLE, last.inputs.shape) * moving_inputs(model)
+    gentle = replace(last, inputs=times(model, reference_levels(model), 1.0 + moves))
     for run in (*runs, gentle):
         course = Trajectory(recursion, run)
         nominal = course.alone(run.theta)

@@ -6,10 +6,12 @@ import numpy as np
 
 from faultbond.analysis.sensitivity import Experiment, build_recursion
 from faultbond.analysis.trajectories import Trajectory
+from faultbond.analysis.valid_levels import Level, valid_levels
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel, reference_inputs
 from faultbond.model.graph import Input
 
+MOVE = 0.5  # part of their levels by which inputs move in a usual run
 NOISE_PART = 1 / 30  # of an input whose range is not known
 _STEPS = 70  # ever longer ones
 _LONGER = 1.25  # each than the one before
@@ -27,10 +29,22 @@ class Stand:
 def reference_levels(model: StepModel) -> FloatArray:
     """Give the inputs (n_inputs,) of the usual run, SI: those of the nominal run, or 30 noises above 0 if more.
 
-    Where an input was in the recordings of a fit is known, whatever its noise.
+    Where an input was in the recordings of a fit is known, whatever its noise. One at which the model does not hold is
+    moved to where it does.
     """
-    levels = zip(model.plant.graph.inputs, reference_inputs(model.plant), strict=True)
-    return np.array([level + (0.0 if item.fitted_range else _above_noise(item)) for item, level in levels])
+    return np.array([item.value for item in _levels(model)], dtype=np.float64)
+
+
+def moving_inputs(model: StepModel) -> FloatArray:
+    """Give (n_inputs,) of zeros and ones: which inputs can move about their levels while the model holds."""
+    return np.array([float(item.moves) for item in _levels(model)])
+
+
+def _levels(model: StepModel) -> tuple[Level, ...]:
+    graph = model.plant.graph
+    levels = zip(graph.inputs, reference_inputs(model.plant), strict=True)
+    usual = [level + (0.0 if item.fitted_range else _above_noise(item)) for item, level in levels]
+    return valid_levels(graph, usual, MOVE)
 
 
 def _above_noise(item: Input) -> float:

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from faultbond.analysis.batch import Batch
-from faultbond.analysis.equilibrium import Stand, reference_levels, stands, times
+from faultbond.analysis.equilibrium import MOVE, Stand, moving_inputs, reference_levels, stands, times
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.samples import Sample
 from faultbond.contract.spec import EngineSpec, unpack
@@ -23,7 +23,7 @@ from faultbond.errors import RecordingError, StructureError
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
 
-MOVES = ((0.25, 40.0), (0.25, 300.0))  # of the usual run: amplitude in references, period in samples
+MOVES = ((0.5 * MOVE, 40.0), (0.5 * MOVE, 300.0))  # of the usual run: amplitude in references, period in samples
 HELD = 4.0  # settling times between two moves
 SMALLER = (1.0, 1 / 4, 1 / 16, 0.0)  # parts of these moves, tried in turn
 _DIGITS = 1e-12  # part of a reading that must be less than its noise, or the plant has run away
@@ -258,7 +258,8 @@ def usual_runs(model: StepModel, spec: EngineSpec, count: int) -> Iterator[Usual
 
     An input is its reference times 1 + 1/4 sin(2 pi k/40) + 1/4 sin(2 pi k/300) at sample k; a second input moves a
     part of a period later, so that no two move together. One that settles stands still for four settling times after
-    each move, or the sensors that feel it would be blind all the time. A run begins where the plant is at rest with its
+    each move, or the sensors that feel it would be blind all the time, and one whose move would end the validity of the
+    model stands still all the time. A run begins where the plant is at rest with its
     inputs at their references, or where the reference run ended if it does not come to rest; declared starts hold. Then
     come runs whose inputs move less, or not at all.
     """
@@ -266,6 +267,7 @@ def usual_runs(model: StepModel, spec: EngineSpec, count: int) -> Iterator[Usual
     held = np.array([max(1, ceil(HELD * item.settling / (spec.sample_time or 1.0))) for item in spec.inputs], dtype=int)
     k, shift = np.arange(count)[:, None] // held * held, np.arange(n_u) / (n_u + 0.5)
     moves = sum((size * np.sin(2 * np.pi * (k / period + shift)) for size, period in MOVES), np.zeros((count, n_u)))
+    moves *= moving_inputs(model)
     begins = stands(model, levels)[::-1]
     for part in SMALLER:
         for stand in begins:
