@@ -17,8 +17,10 @@ from math import ceil, sqrt
 
 import casadi as ca
 import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import maximum_bipartite_matching
 
-from faultbond.arrays import FloatArray
+from faultbond.arrays import BoolArray, FloatArray
 from faultbond.equations.linear import back, eliminate, triangle
 from faultbond.equations.plant import Plant
 from faultbond.equations.repeated import Repeated
@@ -135,7 +137,7 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
     solved = newton(*arguments)[0]
     measure = ca.Function("measure", arguments, [*readings_(v, plant.u, solved), solved], {"cse": True})
     start = _nominal_start(plant, coordinates, v.numel(), scales)
-    direct = _at_once(readings, plant.u, plant.z)
+    direct = _at_once(readings, plant.u, plant.z, gap)
     reference_x, reference_z, slopes = _reference(plant, rates, newton, start)
     substeps = _substeps(plant, slopes)
     return StepModel(
@@ -163,8 +165,8 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
         reference_implicit=reference_z,
         measure_is_linear=not ca.depends_on(readings_(*arguments)[1], ca.vertcat(v, plant.z)),
         direct=direct,
-        of_parts=_at_once(readings, factors, plant.z),
-        felt=_felt(plant, direct, readings, rates_, x),
+        of_parts=_at_once(readings, factors, plant.z, gap),
+        felt=_felt(plant, direct, readings, rates_, x, gap),
     )
 
 
@@ -312,19 +314,37 @@ def _predict(
     return ca.Function("follow", [v, before, after, z, dt], [x, slope, solved])
 
 
-def _at_once(readings: ca.SX, what: ca.SX, z: ca.SX) -> tuple[tuple[int, ...], ...]:
-    """For each output which of some symbols reach it without passing a state."""
+def _at_once(readings: ca.SX, what: ca.SX, z: ca.SX, gap: ca.SX) -> tuple[tuple[int, ...], ...]:
+    """For each output which of some symbols reach it without passing a state; implicit signals z leave no `gap`."""
     if not what.numel():
         return ((),) * readings.numel()
-    pattern = ca.DM(ca.jacobian_sparsity(ca.vertcat(readings), what), 1.0).full() != 0
-    if z.numel():  # an implicit signal passes on every one
-        through = ca.DM(ca.jacobian_sparsity(readings, z), 1.0).full() != 0
-        pattern |= through.any(axis=1, keepdims=True)
+    pattern = _pattern(readings, what)
+    if z.numel():
+        pattern = pattern | (_pattern(readings, z) @ _passed_on(_pattern(gap, z)) @ _pattern(gap, what))
     return tuple(tuple(int(k) for k in np.flatnonzero(row)) for row in pattern)
 
 
+def _pattern(values: ca.SX, by: ca.SX) -> BoolArray:
+    """Give which symbols stand in which values, (n_values, n_symbols)."""
+    return np.asarray(ca.DM(ca.jacobian_sparsity(ca.vertcat(values), by), 1.0).full() != 0)
+
+
+def _passed_on(within: BoolArray) -> BoolArray:
+    """Give which implicit signals (rows) follow what stands in which equations (columns); `within`: signals of each.
+
+    Each signal is found from one equation, and follows the other signals in it.
+    """
+    own = maximum_bipartite_matching(csr_matrix(within.T), perm_type="column")  # of each signal
+    if (own < 0).any():
+        return np.ones_like(within)
+    follows = within[own]
+    for _ in range(len(within).bit_length()):
+        follows = follows @ follows
+    return np.asarray(follows[:, np.argsort(own)])
+
+
 def _felt(
-    plant: Plant, direct: tuple[tuple[int, ...], ...], readings: ca.SX, rates: ca.SX, x: ca.SX
+    plant: Plant, direct: tuple[tuple[int, ...], ...], readings: ca.SX, rates: ca.SX, x: ca.SX, gap: ca.SX
 ) -> tuple[tuple[int, ...], ...]:
     """For each output the inputs that reach it at once, and those with `settling` that would if nothing lagged.
 
@@ -334,9 +354,9 @@ def _felt(
     settling = {k for k, item in enumerate(plant.graph.inputs) if item.settling > 0.0}
     if not lags or not settling:
         return direct
-    by_input, by_state = (_at_once(rates, what, plant.z) for what in (plant.u, x))
+    by_input, by_state = (_at_once(rates, what, plant.z, gap) for what in (plant.u, x))
     found = []
-    for own, states in zip(direct, _at_once(readings, x, plant.z), strict=True):
+    for own, states in zip(direct, _at_once(readings, x, plant.z, gap), strict=True):
         passed, reached = set[int](), lags & set(states)
         while reached:
             passed |= reached

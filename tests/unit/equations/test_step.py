@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from faultbond.arrays import FloatArray
 from faultbond.equations.plant import build_plant
-from faultbond.equations.step import MAX_SUBSTEPS, StepModel, build_step_model, reference_inputs
+from faultbond.equations.step import MAX_SUBSTEPS, StepModel, _passed_on, build_step_model, reference_inputs
 from faultbond.errors import StructureError
 from faultbond.model.text import load_model, parse_model
 
@@ -471,3 +471,28 @@ def test_the_step_is_built_once() -> None:
     """The function of the step is built at its first use, and is the same from then on."""
     model = example("rc")
     assert model.predict is model.predict
+
+
+def test_a_loop_is_felt_only_by_what_it_drives() -> None:
+    """Two loops without a store between them: a sensor follows at once the input of its own loop, not of the other."""
+    loops = [
+        f"s{k}: {{type: Se, law: 'e = u{k} - A{k}*exp(circuit{k}.f/one)', parameters: {{A{k}: 1 V}}}}, "
+        f"r{k}: {{type: R, law: e = R{k}*f, parameters: {{R{k}: 1 ohm}}}}"
+        for k in (1, 2)
+    ]
+    graph = parse_model(
+        "name: two loops\nsample_time: 1 s\nconstants: {one: 1 A}\ninputs: {u1: {unit: V}, u2: {unit: V}}\n"
+        f"components: {{{loops[0]}, {loops[1]}}}\n"
+        "junctions: {circuit1: 1, circuit2: 1}\nbonds: [s1 -> circuit1 -> r1, s2 -> circuit2 -> r2]\n"
+        "sensors: {i1: {reads: circuit1.f, unit: A, noise: 1 A}, i2: {reads: circuit2.f, unit: A, noise: 1 A}}\n"
+    )
+    model = build_step_model(build_plant(graph))
+    assert model.z.numel() == 2
+    assert model.direct == ((0,), (1,))
+
+
+def test_implicit_signals_follow_what_their_equations_hold() -> None:
+    """The first equation fixes the second signal, the second the third, the third the first by the second."""
+    within = np.array([[0, 1, 0], [0, 0, 1], [1, 1, 0]], dtype=bool)
+    assert _passed_on(within).astype(int).tolist() == [[1, 0, 1], [1, 0, 0], [0, 1, 0]]
+    assert _passed_on(np.array([[1, 1], [0, 0]], dtype=bool)).all()  # no equation for each: anything may be
