@@ -1,13 +1,15 @@
 """Headings, labelled lines and tables on a terminal; the same in every listing."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 from rich import box
+from rich.cells import cell_len
 from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+LONG_WORD = 24  # columns of a word that is broken where there is too little room
 PLAIN_WIDTH = 100  # columns where the output is a file or a pipe
 
 
@@ -51,19 +53,70 @@ def under(label: str, texts: Iterable[str]) -> list[tuple[str, str]]:
     return [(label if k == 0 else "", text) for k, text in enumerate(texts)]
 
 
-def bare_table() -> Table:
-    """Give a table without columns, in the style of all."""
-    return Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1), header_style="dim")
+def table(
+    console: Console,
+    header: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    right: Collection[str] = (),
+    whole: Collection[str] = (),
+    styles: Sequence[str] = (),
+) -> None:
+    """Print a table, its texts wrapped between words; where it is too wide for that, a block of lines for each row.
 
-
-def table(console: Console, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table."""
-    made = bare_table()
-    for name in header:
-        made.add_column(name, overflow="fold")
-    for row in rows:
-        made.add_row(*(Text(cell) for cell in row))
+    Parameters
+    ----------
+    console : where to print
+    header : names of the columns
+    rows : their texts
+    right, whole : columns that stand at the right, and those that are not wrapped
+    styles : of each row; none: no row has one
+    """
+    body = [tuple(row) for row in rows]
+    style_of = [*styles, *[""] * (len(body) - len(styles))]
+    for padding in (1, 0):  # columns that stand nearer to each other before there is no table at all
+        widths = _widths(header, body, whole, console.width + 1 - len(header) * (1 + 2 * padding) - 2 * (1 - padding))
+        if widths is not None:
+            break
+    else:
+        for row, style in zip(body, style_of, strict=True):
+            _print_block(console, header, row, style)
+        return
+    made = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, padding), header_style="dim")
+    for name, width in zip(header, widths, strict=True):
+        made.add_column(name, justify="right" if name in right else "left", overflow="fold", width=width)
+    for row, style in zip(body, style_of, strict=True):
+        made.add_row(*map(Text, row), style=style)
     console.print(made)
+
+
+def _widths(
+    header: Sequence[str], rows: Sequence[Sequence[str]], whole: Collection[str], room: int
+) -> list[int] | None:
+    """Give the width of each column with which only very long words are broken; None: there is too little room."""
+    wanted, least = [], []
+    for name, *cells in zip(header, *rows, strict=True):
+        lines_ = [line for cell in (name, *cells) for line in cell.splitlines()]
+        words = [word for line in lines_ for word in line.split()]
+        wanted.append(max(map(cell_len, lines_), default=1))
+        least.append(wanted[-1] if name in whole else min(max(map(cell_len, words), default=1), LONG_WORD))
+    if sum(wanted) <= room:
+        return wanted
+    if sum(least) > room:
+        return None
+    spare, missing = room - sum(least), sum(wanted) - sum(least)
+    return [few + spare * (many - few) // missing for few, many in zip(least, wanted, strict=True)]
+
+
+def _print_block(console: Console, header: Sequence[str], row: Sequence[str], style: str) -> None:
+    """Print a row of a table that is too wide, a line for each of its columns that has a text."""
+    named = [(name, text) for name, text in zip(header, row, strict=True) if text]
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="dim", no_wrap=True)
+    grid.add_column(overflow="fold")
+    for name, text in named:
+        grid.add_row(Text(name), Text(text, style=style))
+    console.print(Padding(grid, (1 if row[0] else 0, 0, 0, 1)))
 
 
 def print_refusal(console: Console, heading: str, message: str) -> None:

@@ -9,10 +9,11 @@ from rich.text import Text
 
 from faultbond.contract.findings import Candidate, Detection, Diagnosis, Suspect
 from faultbond.model.graph import BondGraph
-from faultbond.report.console import bare_table, facts, set_width
+from faultbond.report.console import facts, set_width, table
 from faultbond.report.numbers import figure, join, unit_text, with_noun
 from faultbond.report.suspects import unit_of
 
+HEADER = ("component", "parameter", "nominal", "value", "unit")
 SHOWN_SETS = 20  # candidates shown; the records hold all
 
 
@@ -48,15 +49,12 @@ def print_observed(console: Console, seen: Observed) -> None:
     console.print()
     candidates = seen.diagnosis.candidates
     if seen.graph is not None and any(candidate.suspects for candidate in candidates):
-        table = bare_table()
-        for name in ("component", "parameter", "nominal", "value", "unit"):
-            fold, right = name not in ("nominal", "value"), name == "nominal"
-            table.add_column(name, overflow="fold" if fold else "ellipsis", justify="right" if right else "left")
+        rows = []
         for candidate in candidates[:SHOWN_SETS]:
-            rows = [_cells(seen.graph, suspect) for suspect in candidate.suspects]
-            owners, *columns = zip(*rows, strict=True) if rows else ("",)
-            table.add_row("\n+ ".join(owners), *map("\n".join, columns))
-        console.print(table)
+            cells = [_cells(seen.graph, suspect) for suspect in candidate.suspects]
+            owners, *columns = zip(*cells, strict=True) if cells else [("",)] * len(HEADER)
+            rows.append(("\n+ ".join(owners), *map("\n".join, columns)))
+        table(console, HEADER, rows, right=("nominal",), whole=("nominal", "value"))
     else:
         for candidate in candidates[:SHOWN_SETS]:
             console.print(Text(f" {{{', '.join(candidate.components)}}}"), highlight=False)

@@ -3,12 +3,11 @@
 from itertools import zip_longest
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from faultbond.contract.findings import History
 from faultbond.model.graph import BondGraph
-from faultbond.report.console import bare_table, facts, set_width
+from faultbond.report.console import facts, set_width, table
 from faultbond.report.numbers import Notation
 from faultbond.report.verdict import RunCounts, TableRow, view_of
 
@@ -45,7 +44,7 @@ def print_diagnosis(
         console.print(Text.assemble("\n", ("Diagnosis", "bold underline"), (f"  at {view.diagnosed_at}", "dim")))
         width = console.width
         console.width = width if console.is_terminal else TABLE_WIDTH
-        console.print(_ranked(view.rows, GROUP_MARK if view.several else ""))
+        _print_ranked(console, view.rows, GROUP_MARK if view.several else "")
         console.width = width
         alike = f"{GROUP_MARK} not yet distinguishable from the best" if view.several else ""
         for note in filter(None, (view.remainder, alike, view.contradicted, view.left_out)):
@@ -65,18 +64,16 @@ def print_diagnosis(
     console.print(Text(view.verdict, style=STYLES[view.state]))
 
 
-def _ranked(rows: tuple[TableRow, ...], mark: str) -> Table:
-    """Give the table: a line for each suspect and each rate of a candidate, and for each kind of fault."""
-    table, is_likely = bare_table(), any(row.percent for row in rows)
-    last = ("%",) if is_likely else ()
-    for name in ("component", "kind", "parameter", "nominal", "estimate ± sd", "unit", "change", *last):
-        table.add_column(name, justify="right" if name in RIGHT else "left", overflow="fold", no_wrap=name in WHOLE)
-    table.add_column("", min_width=1)
+def _print_ranked(console: Console, rows: tuple[TableRow, ...], mark: str) -> None:
+    """Print the table: a line for each suspect and each rate of a candidate, and for each kind of fault."""
+    is_likely = any(row.percent for row in rows)
+    header = ("component", "kind", "parameter", "nominal", "estimate ± sd", "unit", "change", *["%"] * is_likely, "")
+    body, styles = [], []
     for row in rows:
         of_row = (mark if row.group else "",)
         ends = [(row.percent, *of_row) if is_likely else of_row]
         for kind, item, end in zip_longest(row.kinds, row.suspects, ends):
             texts = (item.parameter, item.nominal, item.estimate, item.unit, item.change) if item else ("",) * 5
-            cells = (item.component if item else "", kind or "", *texts, *(end or ("",) * len(ends[0])))
-            table.add_row(*map(Text, cells), style="bold" if row.group else None)
-    return table
+            body.append((item.component if item else "", kind or "", *texts, *(end or ("",) * len(ends[0]))))
+            styles.append("bold" if row.group else "")
+    table(console, header, body, right=RIGHT, whole=WHOLE, styles=styles)

@@ -1,0 +1,41 @@
+"""Tables on terminals of any width."""
+
+from io import StringIO
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from faultbond.report.console import table
+
+HEADER = ("component", "estimate ± sd", "unit")
+ROWS = [("fan of the motor", "1.436e-4 ± 0.005e-4", "N*m*s^2/rad^2"), ("+ bearing", "0.004 ± 0.001", "N*m*s/rad")]
+
+
+def printed(width: int, **wishes: Any) -> list[str]:
+    """Print a table on a terminal of some width, and give its lines."""
+    out = StringIO()
+    table(Console(file=out, width=width), HEADER, ROWS, **wishes)
+    return [line.rstrip() for line in out.getvalue().splitlines()]
+
+
+@pytest.mark.parametrize("width", range(20, 90))
+def test_no_number_and_no_word_is_broken(width: int) -> None:
+    """However narrow a terminal is, every word stands whole in one line that fits."""
+    lines = printed(width, whole=("estimate ± sd",))
+    words = {word for row in (HEADER, *ROWS) for cell in row for word in cell.split()}
+    least = max(map(len, words)) + len("estimate ± sd") + 4  # of a block: name and text
+    assert width < least or words <= {word for line in lines for word in line.split()}
+    assert all(len(line) <= width for line in lines)
+
+
+def test_a_table_becomes_blocks_where_it_is_too_wide() -> None:
+    """With the gaps that all have, then with narrow ones, then a line for each column of each row."""
+    assert printed(70)[3].split("   ")[1:] == ["1.436e-4 ± 0.005e-4", "N*m*s^2/rad^2"]
+    assert printed(46, whole=("estimate ± sd",))[3] == " fan of the 1.436e-4 ± 0.005e-4 N*m*s^2/rad^2"
+    assert printed(44, whole=("estimate ± sd",))[:4] == [
+        "",
+        " component      fan of the motor",
+        " estimate ± sd  1.436e-4 ± 0.005e-4",
+        " unit           N*m*s^2/rad^2",
+    ]
