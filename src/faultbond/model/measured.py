@@ -45,6 +45,7 @@ class MeasuredReader:
         self.stated: dict[str, tuple[Measure, str]] = {}
         self.sizes: dict[str, Measure] = {}
         self.valid: dict[str, Spot] = {}
+        self.columns: dict[str, str] = {}  # of sensors, by column
 
     def read(self, fields: Mapping[str, Spot]) -> Measured:
         """Read all of them, in the order of the file.
@@ -88,9 +89,14 @@ class MeasuredReader:
                 raise fields["valid_when"].error(problem)
             self.valid[name] = place.at(fields["valid_when"])
         lag, order = self.numbers.lag(place, fields["lag"]) if "lag" in fields else ("", 1)
+        column = read_column(self.head, fields, SENSOR_KEYS, name)
+        other = self.columns.setdefault(column, name)
+        if other != name and not {name, other} <= self.valid.keys():
+            problem = f": its column {shown(column)!r} is that of the sensor {other} too; state the `column` of each"
+            raise place.at(fields.get("column", place)).error(f"{problem}, or when each reads it with `valid_when`")
         return Sensor(
             name=name,
-            column=read_column(self.head, fields, SENSOR_KEYS, name),
+            column=column,
             unit=unit,
             reads=reads,
             noise=noise,

@@ -69,6 +69,16 @@ def test_an_input_that_only_says_the_state_is_no_suspect() -> None:
     assert [item.suspect for item in graph.inputs] == [True, False, True]
 
 
+def test_two_sensors_of_one_column_each_say_when_they_read_it() -> None:
+    """A meter that a valve turns to another pipe; without that one of both is a slip of the hand."""
+    one = "flow: {reads: line.f, unit: m^3/s, noise: 0.1, column: F, valid_when: mode == 1}"
+    other = "rest: {reads: tank.f, unit: m^3/s, noise: 0.1, column: F, valid_when: mode == 0}"
+    text = TEXT.replace("flow: {reads: line.f, unit: m^3/s, noise: 0.1}", f"{one}, {other}")
+    assert [item.column for item in parse_model(text).sensors] == ["F", "F"]
+    with pytest.raises(ModelError, match="sensor rest: its column 'F' is that of the sensor flow too"):
+        parse_model(text.replace(", valid_when: mode == 1", ""))
+
+
 def test_settling_is_a_time() -> None:
     """Of zero or more."""
     for text, message in (("-3 s", "0 or more|negative"), ("3 m", "time")):
