@@ -69,7 +69,7 @@ def input_advice(
     model: StepModel,
     sets: Sequence[Sequence[str]],
     *,
-    inputs: Sequence[float] | None = None,
+    inputs: Sequence[float] | FloatArray | None = None,
     longest: float | None = None,
 ) -> Stimulus:
     """Give the changes of inputs that best separate sets of suspects.

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from faultbond.api.options import PathLike, level_of, method_of, spelled
+from faultbond.api.options import PathLike, level_of, method_of, names_of, spelled
 from faultbond.api.plant_model import Model, ModelLike, as_model
 from faultbond.api.ranked import RankedCandidate, ranked
 from faultbond.api.result import told_silent, told_verdict
@@ -343,4 +343,4 @@ class Monitor:
         diagnosis = self.diagnosis
         if diagnosis is None or not diagnosis.candidates:
             raise FaultbondError(NO_ALARM)
-        return chosen_hypothesis(self._watcher, diagnosis, tuple(part for name in names for part in name.split(",")))
+        return chosen_hypothesis(self._watcher, diagnosis, names_of(names))

@@ -27,6 +27,7 @@ from faultbond.app.rows import naming, no_time, sample_of, texts_of
 from faultbond.app.section import Section, Work
 from faultbond.app.simulation import START_POINTS, solved_start, start_of
 from faultbond.app.wishes import Wishes
+from faultbond.arrays import FloatArray
 from faultbond.diagnosability.isolability import Interpretation, isolability
 from faultbond.diagnosability.overdetermined import minimal_sets, minimal_supports, signatures
 from faultbond.diagnosability.placement import sensors_to_isolate
@@ -286,7 +287,8 @@ def _inputs(study: _Study, wishes: Wishes, recorded: CapabilityView | None) -> S
         view = recorded if recorded is not None else _at_rest(study)
         names = [item.name for item in study.graph.parameters]
         groups = [tuple((names[k],) for k in alike) for alike in _look_alikes(view)][:MOST_GROUPS]
-    found: tuple[Stimulus, ...] = tuple(input_advice(study.model, group) for group in groups)
+    levels = _recorded_levels(study)
+    found: tuple[Stimulus, ...] = tuple(input_advice(study.model, group, inputs=levels) for group in groups)
     if not wishes.separate:  # alike in direction, but far enough apart in a record of that length, needs no move
         found = tuple(item for item in found if not item.choices or item.choices[0].before < ENOUGH)
     return Section(
@@ -307,6 +309,15 @@ def _look_alikes(view: CapabilityView) -> list[list[int]]:
             joined = {chosen[0] for chosen in pair.sets}.union(*(item for item in near if not _apart(item, pair)))
             near = [*(item for item in near if _apart(item, pair)), joined]
     return found + sorted(sorted(item) for item in near)
+
+
+def _recorded_levels(study: _Study) -> FloatArray | None:
+    """Give where the inputs were in the recording (n_inputs,), SI, at three quarters; None without one.
+
+    In the middle of one that goes both ways, or on and off, nothing moves.
+    """
+    told = np.array([point.u for point in study.points]).reshape(len(study.points), len(study.graph.inputs))
+    return np.nanquantile(told, 0.75, axis=0) if len(told) and np.isfinite(told).any(axis=0).all() else None
 
 
 def _apart(suspects: set[int], pair: NearGroup) -> bool:

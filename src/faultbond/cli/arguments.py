@@ -331,7 +331,8 @@ def _add_decisions(verbs: Subparsers) -> None:
     """Add `accept` and `reject`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
-        names = tuple(name for word in arguments.names for name in word.split(",") if name)  # commas as elsewhere
+        stated = (name.strip() for word in arguments.names for name in word.split(","))  # commas as elsewhere
+        names = tuple(filter(None, stated))
         if arguments.verb == "accept":
             app.accept(arguments.model, arguments.state, names, repaired=arguments.repaired, out=out)
         else:

@@ -39,7 +39,8 @@ class Rate:
 
     name: the sensor, or what is in error or wanders; kind: `sensor`, `slow error` or `wander`; peak: its largest value
     as a part of the limit; between: expected seconds between false alarms; mean, spread: of the scores of a sensor, 0
-    and 1 if all is as declared; memory: seconds.
+    and 1 if all is as declared; memory: seconds; longer: how many times as long `between` may be, since it is told
+    from what never came near the limit: the more, the rarer an alarm and the shorter the recordings.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Rate:
     mean: float
     spread: float
     memory: float
+    longer: float = 1.0
 
     @property
     def words(self) -> str:
@@ -97,15 +99,29 @@ def _sensor_rate(spec: EngineSpec, watches: Sequence[Watch], j: int, step: float
     ]
     # The sum of the scatter alarms where it is high against each of the last innovations: not before the slowest.
     samples.append(max(scatter_time(settings, wild, lag) for lag in range(1, LAGS + 1)))
+    by_sums, by_climbs = 1.0 / sum(1.0 / item for item in samples), climb_time(heights, settings.cusum_limit)
+    memory = max(variance / max(spread**2, 1e-12), 1.0)
+    apart = len(every) / memory  # scores that are not alike
+    longer = (_longer(by_sums, 0.5 * apart), _longer(by_climbs * HIGHEST / len(every), HIGHEST))
     return Rate(
         name=spec.outputs[j].name,
         kind=SENSOR,
         peak=peak / settings.cusum_limit,
-        between=step * min(1.0 / sum(1.0 / item for item in samples), climb_time(heights, settings.cusum_limit)),
+        between=step * min(by_sums, by_climbs),
         mean=mean,
         spread=spread,
-        memory=step * max(variance / max(spread**2, 1e-12), 1.0),
+        memory=step * memory,
+        longer=longer[by_climbs < by_sums],
     )
+
+
+def _longer(times: float, count: float) -> float:
+    """Give how many times as rare an alarm may be that is found `times` as rare as what was seen.
+
+    That is exp(h / s) for a size s, a mean of `count`; by chance it is too large by two sd of s / sqrt(count).
+    """
+    by_chance = min(2.0 / np.sqrt(max(count, 1.0)), 1.0 - STILL)
+    return float(np.exp(min(np.log(max(times, 1.0)) * by_chance / (1.0 - by_chance), 70.0)))
 
 
 def _variance(series: Sequence[FloatArray]) -> float:
@@ -209,4 +225,5 @@ def _slow_rate(spec: EngineSpec, watches: Sequence[Watch], k: int, step: float) 
         mean=float(every.mean()),
         spread=size,
         memory=spec.slow_errors[k].memory,
+        longer=_longer(between * moves / (np.pi * max(size, STILL)), len(every) * step / spec.slow_errors[k].memory),
     )

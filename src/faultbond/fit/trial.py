@@ -1,7 +1,7 @@
 """A model on trial on healthy recordings: would it alarm, how often, where is it wrong, and what must it declare."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -66,6 +66,11 @@ class Health:
     def between(self) -> float:
         """Expected seconds between false alarms as declared."""
         return between_alarms(self.rates)
+
+    @property
+    def at_most(self) -> float:
+        """The same, if by chance the recordings show more than is usual, by two standard deviations."""
+        return between_alarms([replace(item, between=item.between * item.longer) for item in self.rates])
 
     @property
     def peak(self) -> float:

@@ -222,10 +222,16 @@ def health_verdict(graph: BondGraph, found: Health) -> str:
     if found.walk > 1.0:  # what else is declared is no cure of that
         far = f"the healthy model has to move {found.walker} as far as for an alarm"
         return f"The model does not keep the promise: {far}. {cure_of_walk(graph, found.walker)}"
-    now = "it alarms on these recordings" if found.peak > 1.0 else f"a false alarm every {spacing_text(found.between)}"
+    asked = spacing_text(found.promise)
+    every = f"a false alarm every {spacing_text(found.between)}, where {asked} are asked"
+    now = "it alarms on these recordings" if found.peak > 1.0 else every
     factors = {kind: factor for kind, factor in found.needed.items() if factor and factor != 1.0}
     ways = [f"{WORDS[kind]} {factor:g} times as large" for kind, factor in factors.items() if factor > 1.0]
     ways += [f"{WORDS[kind]} {factor:g} times those declared" for kind, factor in factors.items() if factor < 1.0]
     mend = "Mend the model where it is wrong, or declare slow errors there."
     advice = f"Declare {' or '.join(ways)}." if ways else mend
+    if found.peak <= 1.0 and found.at_most >= found.promise:
+        short = "but these recordings are too short to tell"
+        longer = "A longer healthy recording would; until then nothing speaks for another model."
+        return f"The model may keep the promise: {every}, {short}. {longer}"
     return f"The model does not keep the promise: {now}. {advice}"

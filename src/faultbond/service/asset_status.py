@@ -51,7 +51,8 @@ def asset_status(
         headline = f"{_because('Not watched', unwatched or '')}{of_before}"
         return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=headline)
     if monitoring is Monitoring.NO_DATA:
-        absent = f"No data{' yet' if silence is None else f' for {duration_text(silence, digits=2)}'}"
+        never = "yet" if asset.time is None else "since the service began"
+        absent = f"No data {never if silence is None else f'for {duration_text(silence, digits=2)}'}"
         headline = f"{_because(absent, trouble or stale)}{of_before}"
         return AssetStatus(status=Ne107.CHECK_FUNCTION, monitoring=monitoring, headline=headline)
     if asset.alarm.out_of_service:

@@ -14,7 +14,7 @@ from faultbond.contract.spec import EngineSpec, Thresholds
 from faultbond.equations.plant import build_plant
 from faultbond.fit.certainty import long_run_variance
 from faultbond.fit.cusum import LAGS, added, no_sums
-from faultbond.fit.false_alarms import FARTHEST, HIGHEST, alarm_rates, climb_time, cusum_time, scatter_time
+from faultbond.fit.false_alarms import FARTHEST, HIGHEST, Rate, alarm_rates, climb_time, cusum_time, scatter_time
 from faultbond.fit.innovations import LOST, Variant, Watch, take_recording, watch_recording, watch_taken
 from faultbond.fit.objective import ways_of
 from faultbond.fit.response import A_LITTLE
@@ -248,6 +248,22 @@ def test_the_time_of_a_sensor_is_that_of_its_highest_climbs_too() -> None:
     found = alarm_rates(built, [seen_of(built, scores[:n], heights[:n]) for n in (6000, 4000)], 2.0)
     told = [climb_time([item[:6000], item[:4000]], limit) for item in heights.T]
     assert [item.between for item in found[: len(told)]] == pytest.approx([2.0 * time for time in told])
+
+
+def test_how_much_rarer_alarms_may_be_than_a_short_recording_says() -> None:
+    """Of white noise as declared nearly always so much, of noise a third larger hardly ever: it is too much."""
+    built = build_engine(load_model(example("tank") / "model.yaml"))[0]
+
+    def rate(size: float, count: int, seed: int) -> Rate:
+        scores = size * np.random.default_rng(seed).standard_normal((count, len(built.outputs)))
+        heights = np.column_stack([climbs(item, built.thresholds.cusum_drift) for item in scores.T])
+        return alarm_rates(built, [seen_of(built, scores, heights)], 2.0)[0]
+
+    true = rate(1.0, 400_000, 1).between
+    for size, least, most in ((1.0, 0.93, 1.0), (1.33, 0.0, 0.2)):
+        found = [rate(size, 4000, seed) for seed in range(100, 200)]
+        assert least <= np.mean([item.between * item.longer >= true for item in found]) <= most
+    assert rate(1.0, 400_000, 1).longer < 0.1 * rate(1.0, 4000, 1).longer
 
 
 def test_gains_that_hardly_fall() -> None:

@@ -132,6 +132,18 @@ def test_what_alarms_by_its_sums_says_so() -> None:
     assert "a false alarm every" in health_verdict(GRAPH, health(between=1e4))
 
 
+def test_a_recording_that_is_too_short_is_no_reason_for_another_model() -> None:
+    """Where by chance alarms are as rare as was promised, nothing is advised but a longer recording."""
+    found = health(between=1e5)
+    short = replace(found, rates=tuple(replace(item, longer=20.0) for item in found.rates))
+    assert "does not keep the promise: a false alarm every 27.8 h, where 11.6 d are asked." in health_verdict(
+        GRAPH, found
+    )
+    told = health_verdict(GRAPH, short)
+    assert told.startswith("The model may keep the promise: a false alarm every 27.8 h, where 11.6 d are asked, but ")
+    assert "eclare" not in told
+
+
 def test_a_model_that_is_not_quiet_says_on_what_it_alarms() -> None:
     """The recordings by name where the monitor alarms on them; else that some statistic would, or how often."""
     found = Quieted(
