@@ -343,4 +343,4 @@ class Monitor:
         diagnosis = self.diagnosis
         if diagnosis is None or not diagnosis.candidates:
             raise FaultbondError(NO_ALARM)
-        return chosen_hypothesis(self._watcher, diagnosis, names_of(names))
+        return chosen_hypothesis(self._watcher, diagnosis, names_of(names) if names else ())

@@ -104,7 +104,8 @@ class Spot:
     def things(self, word: str, *, checked: bool = True) -> Iterator["Spot"]:
         """Give the named things of a section, `sensor flow`, with their names checked, or to be checked later."""
         for entry in self.entries():
-            name = check_name(self.source, entry, self.words) if checked else shown(entry.key)
+            is_number = entry.key[:1].isdigit()  # in `{R: 1,2 ohm}` there are two things
+            name = check_name(self.source, entry, self.words) if checked or is_number else shown(entry.key)
             yield Spot(self.source, f"{word} {name}", entry)
 
     def fields(
@@ -273,5 +274,6 @@ def check_name(source: Source, entry: Entry, section: str) -> str:
     """
     if not NAME.fullmatch(entry.key):
         rule = "a name is a letter, then letters, digits and `_`, 64 characters at most"
-        raise source.error(entry, f"{section}: `{shown(entry.key)}` is not a name; {rule}")
+        comma = ". A decimal comma? Write a point" if entry.key[:1].isdigit() else ""
+        raise source.error(entry, f"{section}: `{shown(entry.key)}` is not a name; {rule}{comma}")
     return entry.key
