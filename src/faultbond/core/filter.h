@@ -33,6 +33,12 @@ FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const given *FB_RESTRICT
                                lanes *FB_RESTRICT innovations, Filter *FB_RESTRICT work);
 
 #ifndef FB_OWN_SAMPLES
+#if !N_SLOT
+/* Let lanes follow a sample without taking it in: of z and the implicit signals alone. Gives innovations [N_OUTPUTS]. */
+FB_OF_FILTERS void filter_follow(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, lanes *FB_RESTRICT innovations,
+                                 Filter *FB_RESTRICT work);
+#endif
+
 /* Take samples [n_samples][N_SAMPLE] into lanes without a state; see `fb_advance_plain`. */
 FB_OF_FILTERS void filter_lanes(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers,
                                 double *innovations, Filter *FB_RESTRICT work);
@@ -108,7 +114,7 @@ static inline void add_by_z(const lanes *FB_RESTRICT lane, const given *FB_RESTR
 
 #if N_HELD_STATES > 0 && !defined(FB_OWN_SAMPLES)
 /* What lags before sensors that do not read as stated stays where it was before the step, `before`, and goes with nothing else:
-   the law that it would follow may have no value. Its variance is that of before, or of the gap. */
+   the law that it would follow may have no value. Its variance is that of before, or of the gap. a NULL: there is none. */
 static void hold_states(const lanes *FB_RESTRICT before, const given *FB_RESTRICT sample, lanes *FB_RESTRICT lane,
                         lanes (*FB_RESTRICT a)[N_JOINT])
 {
@@ -116,7 +122,7 @@ static void hold_states(const lanes *FB_RESTRICT before, const given *FB_RESTRIC
         const int i = HELD_STATE[s];
         if (!(sample[SAMPLE_HELD + HELD_BY[s]] > 0.0)) continue;
         lane[i] = before[s];
-        for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) a[i][STATE_PLACE[e]] = broadcast(0.0);
+        for (int e = STATE_ROW[i]; a && e < STATE_ROW[i + 1]; e++) a[i][STATE_PLACE[e]] = broadcast(0.0);
     }
 }
 #endif
@@ -161,19 +167,13 @@ static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample
     }
 }
 
-/* From the sample before to this one: z and covariance move on. An input was held at `u_before`, or went linearly from there
-   to where it is, or was there all the time. */
-static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Filter *FB_RESTRICT work)
+/* From the sample before to this one: the states move on. An input was held at `u_before`, or went linearly from there to where
+   it is, or was there all the time; `middle` [N_INPUTS]: where it was half way. */
+static void move_states(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, int sloped, given *FB_RESTRICT middle,
+                        Filter *FB_RESTRICT work)
 {
     lanes v[N_V], climb[FB_ROOM(N_INPUTS)];
-    given begin[FB_ROOM(N_INPUTS)], middle[FB_ROOM(N_INPUTS)]; /* of the step */
-#if N_HELD_STATES > 0 && !defined(FB_OWN_SAMPLES)
-    lanes before[FB_ROOM(N_HELD_STATES)], variance[FB_ROOM(N_HELD_STATES)];
-    for (int s = 0; s < N_HELD_STATES; s++) {
-        before[s] = lane[HELD_STATE[s]];
-        variance[s] = lane[AT_COVARIANCE + PLACE(HELD_STATE[s], HELD_STATE[s])];
-    }
-#endif
+    given begin[FB_ROOM(N_INPUTS)]; /* of the step */
     for (int k = 0; k < N_INPUTS; k++) begin[k] = sample[(INPUT_NEXT[k] ? SAMPLE_U : SAMPLE_U_BEFORE) + k];
     joint_to_model(lane, lane, begin, v);
     const double *FB_RESTRICT u = inputs_of(begin, v);
@@ -187,11 +187,25 @@ static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Fi
     }
     const double dt = SHARED(sample[SAMPLE_DT]);
     for (int k = 0; k < N_SLOW && dt != work->step.dt; k++) work->step.decay[k] = exp(-dt / SLOW_MEMORY[k]);
-    integrate(v, u, climb, dt, SHARED(sample[SAMPLE_STILL]) > 0.0, lane + AT_IMPLICIT, &work->step);
+    integrate(v, u, climb, dt, SHARED(sample[SAMPLE_STILL]) > 0.0, sloped, lane + AT_IMPLICIT, &work->step);
+    for (int i = 0; i < N_STATES; i++) lane[i] = v[i];
+}
+
+/* From the sample before to this one: z and covariance move on. */
+static void predict(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, Filter *FB_RESTRICT work)
+{
+    given middle[FB_ROOM(N_INPUTS)];
+#if N_HELD_STATES > 0 && !defined(FB_OWN_SAMPLES)
+    lanes before[FB_ROOM(N_HELD_STATES)], variance[FB_ROOM(N_HELD_STATES)];
+    for (int s = 0; s < N_HELD_STATES; s++) {
+        before[s] = lane[HELD_STATE[s]];
+        variance[s] = lane[AT_COVARIANCE + PLACE(HELD_STATE[s], HELD_STATE[s])];
+    }
+#endif
+    move_states(lane, sample, 1, middle, work);
     for (int i = 0; i < N_STATES; i++) {
         for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) work->a[i][STATE_PLACE[e]] = broadcast(0.0);
         FOR_REACH (i, c) add_by_z(lane, middle, c, WIDE(work->step.slope[i][c]), work->a[i]);
-        lane[i] = v[i];
     }
 #if N_HELD_STATES > 0 && !defined(FB_OWN_SAMPLES)
     hold_states(before, sample, lane, work->a);
@@ -225,15 +239,23 @@ static inline lanes noise_of(const lanes *FB_RESTRICT lane, const given *FB_REST
     return noise;
 }
 
-/* What the sensors are expected to read at z, with the implicit signals found from `implicit` on. */
-static void expect(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, const given *FB_RESTRICT sample,
-                   lanes *FB_RESTRICT implicit, Expected *FB_RESTRICT found)
+/* What the sensors read at z, with the implicit signals found from `implicit` on, and their slopes by the model's vector. */
+static void read_sensors(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, const given *FB_RESTRICT sample,
+                         lanes *FB_RESTRICT implicit, lanes *FB_RESTRICT y, lanes *FB_RESTRICT slopes)
 {
-    lanes v[N_V], slopes[FB_ROOM(N_READING_SLOPES)];
+    lanes v[N_V];
     joint_to_model(lane, z, sample + SAMPLE_U, v);
     const double *FB_RESTRICT u = inputs_of(sample + SAMPLE_U, v);
     solve_implicit(v, u, implicit);
-    model_readings(v, u, implicit, found->y, slopes);
+    model_readings(v, u, implicit, y, slopes);
+}
+
+/* What the sensors are expected to read at z. */
+static void expect(const lanes *FB_RESTRICT lane, const lanes *FB_RESTRICT z, const given *FB_RESTRICT sample,
+                   lanes *FB_RESTRICT implicit, Expected *FB_RESTRICT found)
+{
+    lanes slopes[FB_ROOM(N_READING_SLOPES)];
+    read_sensors(lane, z, sample, implicit, found->y, slopes);
     for (int j = 0; j < N_OUTPUTS; j++) {
         lanes *FB_RESTRICT row = found->slope[j];
         for (int e = OUT_ROW[j]; e < OUT_ROW[j + 1]; e++) row[OUT_PLACE[e]] = broadcast(0.0);
@@ -363,6 +385,28 @@ FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const given *FB_RESTRICT
 }
 
 #ifndef FB_OWN_SAMPLES
+#if !N_SLOT
+FB_OF_FILTERS void filter_follow(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, lanes *FB_RESTRICT innovations,
+                                 Filter *FB_RESTRICT work)
+{
+    double middle[FB_ROOM(N_INPUTS)];
+    lanes slopes[FB_ROOM(N_READING_SLOPES)];
+#if N_HELD_STATES > 0
+    lanes before[FB_ROOM(N_HELD_STATES)];
+    for (int s = 0; s < N_HELD_STATES; s++) before[s] = lane[HELD_STATE[s]];
+#endif
+    move_states(lane, sample, 0, middle, work);
+#if N_HELD_STATES > 0
+    hold_states(before, sample, lane, NULL);
+#endif
+    for (int k = 0; k < N_SLOW; k++) lane[AT_SLOW + k] *= work->step.decay[k];
+    for (int k = 0; k < N_NOISY; k++) lane[AT_NOISE + k] *= sample[SAMPLE_FADE + k];
+    read_sensors(lane, lane, sample, lane + AT_IMPLICIT, innovations, slopes);
+    for (int j = 0; j < N_OUTPUTS; j++) innovations[j] = sample[SAMPLE_Y + j] - innovations[j];
+    for (int k = 0; k < N_PARAMETERS; k++) lane[AT_PARAMETERS + k] = clamp(lane[AT_PARAMETERS + k], LOWER[k], UPPER[k]);
+}
+#endif
+
 FB_OF_FILTERS void filter_lanes(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers,
                                 double *innovations, Filter *FB_RESTRICT work)
 {

@@ -39,17 +39,20 @@
 #define spread_states OF_KIND(spread_states)
 #define scatter OF_KIND(scatter)
 #define spread_rest OF_KIND(spread_rest)
+#define move_states OF_KIND(move_states)
 #define predict OF_KIND(predict)
 #define noise_of OF_KIND(noise_of)
 #define along OF_KIND(along)
 #define times OF_KIND(times)
 #define take_off OF_KIND(take_off)
+#define read_sensors OF_KIND(read_sensors)
 #define expect OF_KIND(expect)
 #define update OF_KIND(update)
 #define shifted OF_KIND(shifted)
 #define innovate OF_KIND(innovate)
 #define update_again OF_KIND(update_again)
 #define filter_step OF_KIND(filter_step)
+#define filter_follow OF_KIND(filter_follow)
 #define filter_lanes OF_KIND(filter_lanes)
 #define expect_signals OF_KIND(expect_signals)
 
@@ -132,17 +135,20 @@ void filter_step_one(double *lane, const double *sample, double *innovations, do
 #undef spread_states
 #undef scatter
 #undef spread_rest
+#undef move_states
 #undef predict
 #undef noise_of
 #undef along
 #undef times
 #undef take_off
+#undef read_sensors
 #undef expect
 #undef update
 #undef shifted
 #undef innovate
 #undef update_again
 #undef filter_step
+#undef filter_follow
 #undef filter_lanes
 #undef expect_signals
 

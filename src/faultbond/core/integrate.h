@@ -185,14 +185,14 @@ static inline void find_force(const steep *FB_RESTRICT slopes, const lanes *FB_R
 
 /* Take v over dt in equal parts of ROS2; the slope treats the Jacobian inside the method as constant. Inputs go from what v
    holds of them by `climb` [N_INPUTS], which is zero of those that are held; a part takes the time as one more state. Where
-   they are `still` the states stay where they are.
+   they are `still` the states stay where they are. sloped 0: slopes are not asked for.
    Source: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456. Changes v (its states and, where there
    is a climb, its inputs), z and `step`. */
 static void integrate(lanes *FB_RESTRICT v, const double *FB_RESTRICT u, const lanes *FB_RESTRICT climb, double dt, int still,
-                      lanes *FB_RESTRICT z, Step *FB_RESTRICT step)
+                      int sloped, lanes *FB_RESTRICT z, Step *FB_RESTRICT step)
 {
     const double moved = still ? 0.0 : dt, h = moved / SUBSTEPS;
-    const int anew = !RATES_ARE_LINEAR || dt != step->dt || moved != step->moved;
+    const int anew = RATES_ARE_LINEAR ? dt != step->dt || moved != step->moved : sloped;
     lanes first[FB_ROOM(N_STATES)], second[FB_ROOM(N_STATES)], x[FB_ROOM(N_STATES)], force[FB_ROOM(N_STATES)];
     steep slopes[FB_ROOM(N_RATE_SLOPES)];
     step->dt = dt;
@@ -201,6 +201,7 @@ static void integrate(lanes *FB_RESTRICT v, const double *FB_RESTRICT u, const l
         solve_implicit(v, u, z);
         model_rates(v, u, z, first, slopes);
         if (anew) begin_slopes(slopes, h, part == 0, step);
+        else if (!RATES_ARE_LINEAR) factorise(slopes, GAMMA * h, step->m);
         if (N_LINEAR > 0) find_force(slopes, climb, force);
         for (int i = 0; N_LINEAR > 0 && i < N_STATES; i++) first[i] += force[i];
         solve_rates(step->m, first);

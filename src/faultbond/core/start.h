@@ -134,14 +134,15 @@ static void answer(SolveMemory *memory)
     const int asked = memory->asked;
     memory->asked = 0;
     if (asked == 0) return;
-    for (int i = 0; i < PLAIN_NUMBERS; i++) work->lane[i] = broadcast(memory->sure[i]);
+    for (int i = 0; i < PLAIN_NUMBERS; i++)
+        if (i < PLAIN_COVARIANCE || i >= PLAIN_IMPLICIT) work->lane[i] = broadcast(memory->sure[i]);
     for (int i = 0; i < AT_SLOT; i++) {
         for (int l = asked; l < FB_LANES; l++) memory->z[i][l] = memory->z[i][0];
         work->lane[i] = load(memory->z[i]);
     }
     for (int64_t t = 0; t < memory->count; t++) {
         if (drifts(memory->normal)) drift_on(memory->normal, memory->off[t][SAMPLE_DT], work->lane, PLAIN_JOINT);
-        filter_step_plain(work->lane, memory->off[t], work->innovations, work);
+        filter_follow_plain(work->lane, memory->off[t], work->innovations, work);
         for (int j = 0; j < N_OUTPUTS; j++) {
             const int64_t k = t * N_OUTPUTS + j;
             const double weight = memory->weight[k];

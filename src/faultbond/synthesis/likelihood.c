@@ -106,7 +106,7 @@ static void predict(lanes *FB_RESTRICT lane, const double *FB_RESTRICT row, Work
         climb[k] = broadcast(INPUT_LINEAR[k] ? row[ROW_U + k] - row[ROW_U_BEFORE + k] : 0.0);
     }
     const double *FB_RESTRICT u = model_at(lane, begin, v);
-    integrate(v, u, climb, row[ROW_DT], 0, lane + AT_SIGNALS, &work->step);
+    integrate(v, u, climb, row[ROW_DT], 0, 1, lane + AT_SIGNALS, &work->step);
     for (int i = 0; i < N_STATES; i++) {
         for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) work->a[i][STATE_PLACE[e]] = broadcast(0.0);
         FOR_REACH (i, c) if (JOINT_OF[c] >= 0) work->a[i][JOINT_OF[c]] = WIDE(work->step.slope[i][c]);
