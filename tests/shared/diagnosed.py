@@ -127,7 +127,7 @@ class Diagnosed:
             name = self.library.field_name(ctypes.c_int64(k)).decode()
             self.fields[name] = numbers.view(np.int64) if place[2] else numbers
         self["clock.index"], self["clock.alarm"], self["bank.grown"] = 500, 100, -1
-        self["bank.coupled"] = self["bank.base"] = self["alarm.walker"] = -1
+        self["bank.coupled"] = self["bank.base"] = self["alarm.walker"] = self["settled.hypothesis"] = -1
         self["normal.noise"] = self["normal.gain"] = self["sensors.nis"] = self["normal.input_gain"] = 1.0
         roles = spec.slotted.role_fields
         for k in range(self.n_slots):  # what comes and goes has gone, and a ramp took its time
@@ -218,6 +218,7 @@ def _record(n_limits: int, largest: int, most: int) -> Any:
     candidate = [*numbers("i8", "hypothesis", "lane", "group", "present", "n_kinds"), ("kinds", "i8", (len(KINDS),))]
     candidate += [("n_suspects", "i8"), ("probability", "f8"), ("shares", "f8", (len(KINDS),))]
     candidate += [("suspects", suspect, (largest,))]
-    head = numbers("i8", "n_candidates", "is_unexplained", "has_untested", "untested_sets", "signal")
+    head = numbers("i8", "n_candidates", "is_unexplained", "has_untested", "untested_sets", "signal", "n_superseded")
     rest = numbers("f8", "unexplained_sd", "since", "until", "untested_probability", "within_accuracy", "mismatch")
-    return np.dtype([("time", "f8"), *head, *rest, ("candidates", candidate, (most,))])
+    before = [("superseded_until", "f8"), ("superseded", "i8", (max(largest, 1),))]
+    return np.dtype([("time", "f8"), *head, *rest, *before, ("candidates", candidate, (most,))])

@@ -72,6 +72,13 @@ def test_the_program_says_what_run_says(plant: str, tmp_path: Path, capsys: pyte
         both(plant, rows, folder / "watch")
     if plant == "rc":
         both(plant, broken(rows), folder / "watch")
+    if plant == "rlc":
+        path, healthy = tmp_path / "one_by_one.csv", str(EXAMPLES / plant / "healthy.csv")
+        words = ["simulate", str(EXAMPLES / plant / "model.yaml"), "--inputs", healthy, "-o", str(path), "--seed", "5"]
+        assert main([*words, "--fault", "R=x1.6@10", "--fault", "C=x0.6@32"]) == 0
+        rows = path.read_text().splitlines(keepends=True)
+        assert "superseded" in ran(EXAMPLES / plant / "model.yaml", "".join(rows).encode()).records[-2]
+        both(plant, rows, folder / "watch")
 
 
 def broken(rows: list[str]) -> list[str]:

@@ -136,9 +136,16 @@ function unexplainedSentence(found) {
 const hasWalked = (diagnosis) => diagnosis.mismatch > MODEL.falseAlarms / (MODEL.falseAlarms + 1) + 1e-9;
 const knownAlarms = () => `it is known to alarm on healthy data (\`false_alarms: ${MODEL.falseAlarms}\`)`;
 
+function supersededSentence(before) {
+  return `Up to ${clockText(before.until)} ${joined(before.components)} was sure to be at fault, and does not explain what came then. ` +
+    "Either something else changed besides, or that was wrong: no fault is claimed. Faults that come one after the other are told " +
+    "one by one where the first is accepted, as `--accept auto` does.";
+}
+
 // Why no candidate is claimed of what began with this alarm; empty where one is.
 function noClaim(diagnosis, detection) {
   const most = `Most likely the model is off (${probabilityText(diagnosis.mismatch)}${NO_BREAK}%)`;
+  if (diagnosis.superseded) return supersededSentence(diagnosis.superseded);
   if (diagnosis.mismatch && !(detection.walk && hasWalked(diagnosis)))
     return `${most}: ${knownAlarms()}. \`faultbond fit\` with \`--until-quiet\` and healthy recordings finds what it leaves out.`;
   if (diagnosis.mismatch) {
@@ -223,7 +230,8 @@ const EVENLY = "that stands in the percentages above, in equal parts.";
 // How likely it is that the model is off, and how likely the first is if it is right.
 function mismatchText(diagnosis) {
   const off = diagnosis.mismatch;
-  const told = `With ${probabilityText(off)}${NO_BREAK}% the model is off: ${EVENLY}`;
+  const what = diagnosis.superseded ? "more changed, later, or the model is off" : "the model is off";
+  const told = `With ${probabilityText(off)}${NO_BREAK}% ${what}: ${EVENLY}`;
   if (off >= 1 || diagnosis.count < 2) return told;
   const right = (diagnosis.candidates[0].probability - diagnosis.even) / (1 - off);
   return `${told} If it is right after all, the first is at ${probabilityText(right)}${NO_BREAK}%.`;

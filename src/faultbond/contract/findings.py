@@ -151,6 +151,14 @@ class Untested:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Superseded:
+    """Components that were sure to be at fault until `until`, s, for so long that a person may have accepted them."""
+
+    components: tuple[str, ...]
+    until: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
     """Ranked candidates at a time, best first.
 
@@ -158,7 +166,8 @@ class Diagnosis:
     first. untested: what else it could be; None where all sets are tested. within_accuracy: probability that nothing is
     at fault but what the declared accuracy allows; of that each tested set has an even share. mismatch: probability
     that the model is off, where the alarm came by a parameter that no tested set has, or the model has alarmed on
-    healthy data before.
+    healthy data before. superseded: what was sure before, and is none of the likeliest any more; then something else
+    may have changed later, which is part of `mismatch`.
     """
 
     time: float
@@ -168,6 +177,7 @@ class Diagnosis:
     untested: Untested | None = None
     within_accuracy: float = 0.0
     mismatch: float = 0.0
+    superseded: Superseded | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

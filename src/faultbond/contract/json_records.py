@@ -10,6 +10,7 @@ from faultbond.contract.findings import (
     Detection,
     Diagnosis,
     Forecast,
+    Superseded,
     Suspect,
     Unexplained,
     Untested,
@@ -73,8 +74,13 @@ def diagnosis_record(diagnosis: Diagnosis, *, outside: bool = False) -> Record:
         "untested": None if diagnosis.untested is None else _untested(diagnosis.untested),
         "within_accuracy": diagnosis.within_accuracy if diagnosis.candidates else None,
         "mismatch": diagnosis.mismatch,
+        **({} if diagnosis.superseded is None else {"superseded": _superseded(diagnosis.superseded)}),
         **({"outside": True} if outside else {}),
     }
+
+
+def _superseded(superseded: Superseded) -> Record:
+    return {"components": list(superseded.components), "until": superseded.until}
 
 
 def _untested(untested: Untested) -> Record:

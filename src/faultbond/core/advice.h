@@ -210,13 +210,6 @@ static Check check_of(int64_t kind, int64_t target, double cost)
     return check;
 }
 
-/* The part that a suspect is, or is of. */
-static int part_of(const Suspect *suspect)
-{
-    if (suspect->parameter >= 0) return PARAMETER_PART[suspect->parameter];
-    return suspect->input >= 0 ? INPUT_PART[suspect->input] : OUTPUT_PART[suspect->output];
-}
-
 static int holds_part(const Candidate *candidate, int part)
 {
     for (int64_t k = 0; k < candidate->n_suspects; k++)

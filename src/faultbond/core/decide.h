@@ -222,6 +222,7 @@ static int accept(State *state, int64_t hypothesis, int repaired, Candidate *can
     begin_sums(&state->sensors, (double)last);
     clear_bank(state);
     forget_sure(&state->sure);
+    forget_settled(&state->settled);
     return 0;
 }
 
@@ -257,6 +258,7 @@ static int reject(State *state, int64_t hypothesis, Candidate *candidate, Diagno
         if (falls_with(k, hypothesis)) bank->rejected[k] = 1;
     wake(bank);
     forget_sure(&state->sure);
+    forget_settled(&state->settled);
     return 0;
 }
 

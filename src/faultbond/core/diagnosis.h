@@ -56,11 +56,12 @@ static void conclude(const State *state, Diagnosis *found, RankingMemory *memory
     memset(found, 0, sizeof *found);
     found->time = state->clock.time;
     found->signal = -1;
-    found->unexplained_sd = found->since = found->until = found->untested_probability = NAN;
+    found->unexplained_sd = found->since = found->until = found->untested_probability = found->superseded_until = NAN;
     if (N_HYPOTHESES == 0 || state->clock.alarm < 0 || state->job.kind == BEGINNING) return;
     score_all(state, OUT_REJECTED, ranking);
     leave_out_small(state, ranking);
     rank(state, ranking, found);
+    find_superseded(state, ranking, found);
     leave_to_mismatch(state, ranking, found);
     find_unexplained(state, ranking->best[leading_hypothesis(ranking)], found);
     const int bounded = !found->is_unexplained && !is_fresh(state);

@@ -7,6 +7,10 @@
    So is a model that is known to alarm on healthy data. Of n + 1 alarms, n of them false, this one is taken to be the one that is
    none; which of them it is nobody knows, and so it is one more false one with n / (n + 1). Figures: docs/decisions/034-false-alarms.md.
 
+   So it is where another hypothesis takes the place of one that has been sure for so long that a person may have accepted it.
+   A fault does not stop being one: either that was wrong all the time, or something else changed besides, later, and no hypothesis
+   is of two things that changed one after the other. Figures: docs/decisions/039-one-after-the-other.md.
+
    And where nothing that is tested changed, but the likeliest lane has such a parameter far from where it is declared: then that is
    what changed, or the model is off there. Of a trusted drive that travels at a third of its rate every lane learns so, in time. */
 #ifndef FB_MISMATCH_H
@@ -19,6 +23,7 @@ FB_SELDOM
 
 #define OFF_FROM_START 0.9 /* probability that the model is off where what counts as healthy is not as declared, */
 #define OFF_SINCE 0.5      /* and where it was for a while, and then moved: a fault may move what it is not */
+#define OFF_SUPERSEDED 0.5 /* and where another one was sure before */
 #define FAR_OFF 8.0        /* accuracies from where it is declared, of what counts as healthy */
 #define MORE_THAN_HALF 0.5
 
@@ -31,9 +36,10 @@ static int is_in_a_set(int64_t parameter)
 }
 
 /* Probability that the model is off, given how the alarm came, and how many false ones there were before. */
-static double probability_off(const State *state)
+static double probability_off(const State *state, const Diagnosis *found)
 {
-    const double known = (double)FALSE_ALARMS / (FALSE_ALARMS + 1.0);
+    const double alarms = (double)FALSE_ALARMS / (FALSE_ALARMS + 1.0);
+    const double known = found->n_superseded > 0 ? fmax(alarms, OFF_SUPERSEDED) : alarms;
     if (state->alarm.walker < 0 || is_in_a_set(state->alarm.walker)) return known;
     return fmax(known, state->alarm.window == WALKS ? OFF_FROM_START : OFF_SINCE);
 }
@@ -48,10 +54,21 @@ static int is_far_off(const State *state, int64_t lane)
     return 0;
 }
 
+/* Tell which hypothesis was sure for long, and is none of the likeliest any more. */
+static void find_superseded(const State *state, const Ranking *ranking, Diagnosis *found)
+{
+    const int64_t before = state->settled.hypothesis, leading = leading_hypothesis(ranking);
+    if (before < 0 || leading < 0 || state->bank.rejected[before]) return;
+    if (ranking->score[before] >= ranking->score[leading] - GROUP_NATS) return;
+    found->n_superseded = state->settled.n_parts;
+    memcpy(found->superseded, state->settled.parts, sizeof found->superseded);
+    found->superseded_until = state->settled.until;
+}
+
 /* Leave to a model that is off what is its part of a ranking. It tells no tested set from another, so each has an even share. */
 static void leave_to_mismatch(const State *state, const Ranking *ranking, Diagnosis *found)
 {
-    const double off = probability_off(state), left = 1.0 - off, within = found->within_accuracy;
+    const double off = probability_off(state, found), left = 1.0 - off, within = found->within_accuracy;
     const int is_elsewhere = within > MORE_THAN_HALF && is_far_off(state, ranking->best[leading_hypothesis(ranking)]);
     int64_t n_tested = 0;
     found->mismatch = off + (is_elsewhere ? left * within : 0.0); /* of both each set has an even share already */

@@ -11,8 +11,25 @@
 #define SURE_SAMPLES 200 /* for which a candidate has been the sure one before it is accepted, */
 #define LONG_SAMPLES 600 /* and a set, before it is although its kind is not sure */
 
+#define SETTLED 0.99     /* probability from which a hypothesis may have been accepted by a person */
+
 /* Nothing is sure, as before the first diagnosis and after each decision. */
 static void forget_sure(Sure *sure) { sure->hypothesis = sure->since = sure->clear_since = -1; }
+
+static void forget_settled(Settled *settled)
+{
+    forget_sure(&settled->now);
+    settled->hypothesis = -1;
+    settled->n_parts = 0;
+    settled->until = 0.0;
+}
+
+/* Samples that were not judged do not count. */
+static void put_off(Sure *sure)
+{
+    if (sure->since >= 0) sure->since++;
+    if (sure->clear_since >= 0) sure->clear_since++;
+}
 
 /* Whether the best candidate is likely enough, alone in its group, and explains the data with a model that holds; `whole`: with
    its kind. What acts of an input whose record has stopped is not known, so that is nothing to be corrected by. */
@@ -39,6 +56,36 @@ static int64_t take_diagnosis(Sure *sure, const Diagnosis *found, int64_t sample
     if (clear) sure->clear_since = same && before.clear_since >= 0 ? before.clear_since : sample;
     const int ripe = (clear && sample - sure->clear_since >= SURE_SAMPLES) || sample - sure->since >= LONG_SAMPLES;
     return ripe ? best : -1;
+}
+
+/* The part that a suspect is, or is of. */
+static int part_of(const Suspect *suspect)
+{
+    if (suspect->parameter >= 0) return PARAMETER_PART[suspect->parameter];
+    return suspect->input >= 0 ? INPUT_PART[suspect->input] : OUTPUT_PART[suspect->output];
+}
+
+/* Note the parts that are at fault by a candidate, each once. */
+static void note_parts(const Candidate *candidate, Settled *settled)
+{
+    settled->n_parts = 0;
+    for (int64_t k = 0; k < candidate->n_suspects; k++) {
+        const int64_t part = part_of(&candidate->suspects[k]);
+        int is_new = 1;
+        for (int64_t i = 0; i < settled->n_parts; i++) is_new &= settled->parts[i] != part;
+        if (is_new) settled->parts[settled->n_parts++] = part;
+    }
+}
+
+/* Take the diagnosis of a sample, so that what is sure now is known later. */
+static void settle_on(Settled *settled, const Diagnosis *found, int64_t sample)
+{
+    const int64_t ripe = take_diagnosis(&settled->now, found, sample, SETTLED);
+    if (ripe >= 0) {
+        settled->hypothesis = ripe;
+        note_parts(&found->candidates[0], settled);
+    }
+    if (found->n_candidates > 0 && found->n_superseded == 0) settled->until = found->time;
 }
 
 #endif

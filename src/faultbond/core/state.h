@@ -164,6 +164,14 @@ typedef struct {
     int64_t hypothesis, since, clear_since;
 } Sure;
 
+/* The hypothesis that has been sure for as long as the rule asks, and that a person may have accepted, or -1; the parts
+   that are at fault by it, and when it was among the likeliest last, s. */
+typedef struct {
+    Sure now;
+    int64_t hypothesis, n_parts, parts[FB_ROOM(LARGEST_SET)];
+    double until;
+} Settled;
+
 typedef struct {
     Clock clock;
     Inputs inputs;
@@ -177,6 +185,7 @@ typedef struct {
     Normal normal;
     Alarm alarm;
     Sure sure;
+    Settled settled;
 } State;
 
 /* Samples since the alarm that tell of it. */

@@ -78,6 +78,7 @@ static void begin_state(State *state, double t0, int64_t quiet)
     begin_travel(&state->healthy);
     clear_bank(state);
     forget_sure(&state->sure);
+    forget_settled(&state->settled);
     state->alarm.walker = state->alarm.window = state->alarm.old = -1;
     forget_beginning(&state->beginning);
 }
@@ -178,6 +179,7 @@ static void lose(State *state)
         state->clock.alarm = -1;
         clear_bank(state);
         forget_sure(&state->sure);
+        forget_settled(&state->settled);
     }
     state->clock.begun = -1;
     state->clock.running = 0;
@@ -270,6 +272,13 @@ static int is_due(const State *state)
     return (clock->index - clock->alarm) % DIAGNOSIS_EVERY == 0 || (job->renewals == 0 && job->settled == clock->index);
 }
 
+/* Give the diagnosis of now, and keep in mind what is sure. */
+static void conclude_and_settle(State *state, Diagnosis *found, RankingMemory *memory)
+{
+    conclude(state, found, memory);
+    settle_on(&state->settled, found, state->clock.index);
+}
+
 /* Update the sums, raise the alarm, renew the bank. */
 static void judge_sample(State *state, const double *innovations, Report *report, Diagnosis *found, Work *work)
 {
@@ -301,7 +310,7 @@ static void judge_sample(State *state, const double *innovations, Report *report
     if (clock->alarm >= 0) note_values(state);
     report->due = is_due(state);
     if (report->due && state->job.kind == IDLE && state->job.renewals == N_RENEWALS) put_to_rest(&state->bank);
-    if (report->due) conclude(state, found, &work->ranking);
+    if (report->due) conclude_and_settle(state, found, &work->ranking);
 }
 
 /* Take the packed sample with the healthy filter, from where it stood before. */
@@ -359,12 +368,12 @@ static void pass_outside(State *state, const Sample *sample, Report *report, Dia
         if (clock->alarm >= 0) keep(state, work->packed, NULL, 0.0, work);
     }
     if (clock->alarm >= 0) state->alarm.outside++;
-    if (state->sure.since >= 0) state->sure.since++;
-    if (state->sure.clear_since >= 0) state->sure.clear_since++;
+    put_off(&state->sure);
+    put_off(&state->settled.now);
     report_nothing(report, OUTSIDE);
     for (int j = 0; j < N_OUTPUTS && clock->running; j++) report->cusum[j] = statistic(&state->sensors, j);
     report->due = is_due(state);
-    if (report->due) conclude(state, found, &work->ranking);
+    if (report->due) conclude_and_settle(state, found, &work->ranking);
 }
 
 FB_OFTEN

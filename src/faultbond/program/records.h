@@ -272,6 +272,20 @@ static void tell_untested(Json *json, const Diagnosis *found)
     json_close(json, '}');
 }
 
+/* What was sure before, where there is such. */
+static void tell_superseded(Json *json, const Diagnosis *found)
+{
+    if (found->n_superseded == 0) return;
+    json_key(json, "superseded");
+    json_open(json, '{');
+    json_key(json, "components");
+    json_open(json, '[');
+    for (int64_t k = 0; k < found->n_superseded; k++) json_text(json, PART_NAMES[found->superseded[k]]);
+    json_close(json, ']');
+    tell_real(json, "until", found->superseded_until);
+    json_close(json, '}');
+}
+
 /* A diagnosis, the best candidate first, with what to check next. is_outside: the model does not hold then. */
 static void write_diagnosis(Json *json, const Diagnosis *found, const Advice *advice, int is_outside)
 {
@@ -289,6 +303,7 @@ static void write_diagnosis(Json *json, const Diagnosis *found, const Advice *ad
     tell_untested(json, found);
     tell_real(json, "within_accuracy", found->n_candidates > 0 ? found->within_accuracy : NAN);
     tell_real(json, "mismatch", found->mismatch);
+    tell_superseded(json, found);
     if (is_outside) tell_truth(json, "outside", 1);
     end_record(json);
 }

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 from faultbond.contract.core_settings import core_settings
-from faultbond.contract.findings import Detection, Diagnosis, History, Unexplained
+from faultbond.contract.findings import Detection, Diagnosis, History, Superseded, Unexplained
 from faultbond.model.graph import BondGraph, Input
 from faultbond.report.numbers import certainty_text, clock_text, figure, join, probability_text, with_noun
 from faultbond.report.suspects import cure_of_walk
@@ -18,6 +18,8 @@ LITTLE_SEEN = 500  # samples: an alarm that comes earlier may as well tell that 
 
 def reason_for_none(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> str:
     """Say why no candidate is claimed of what began with this alarm; empty where one is."""
+    if diagnosis.superseded is not None:
+        return superseded_sentence(diagnosis.superseded)
     if diagnosis.mismatch:  # it is never less likely than all sets together
         return _off_sentence(graph, diagnosis, began)
     if diagnosis.unexplained is not None:
@@ -58,6 +60,16 @@ def has_walked(graph: BondGraph, diagnosis: Diagnosis) -> bool:
 def known_alarms(graph: BondGraph) -> str:
     """Say that a model is known to alarm on healthy data, and by which key of it that is known."""
     return f"it is known to alarm on healthy data (`false_alarms: {graph.false_alarms}`)"
+
+
+def superseded_sentence(before: Superseded) -> str:
+    """Say that something else was sure before, what that may mean, and how faults are found that come one by one."""
+    what, until = join(before.components), clock_text(before.until)
+    return (
+        f"Up to {until} {what} was sure to be at fault, and does not explain what came then. Either something else "
+        "changed besides, or that was wrong: no fault is claimed. Faults that come one after the other are told one by "
+        "one where the first is accepted, as `--accept auto` does."
+    )
 
 
 def unexplained_sentence(found: Unexplained) -> str:
@@ -190,7 +202,8 @@ def mismatch_sentence(diagnosis: Diagnosis) -> str:
     off = diagnosis.mismatch
     if not off:
         return ""
-    told = f"With {probability_text(off)} % the model is off: {EVENLY}"
+    what = "the model is off" if diagnosis.superseded is None else "more changed, later, or the model is off"
+    told = f"With {probability_text(off)} % {what}: {EVENLY}"
     if off < 1.0 and len(diagnosis.candidates) > 1:
         right = (diagnosis.candidates[0].probability - even_share(diagnosis)) / (1.0 - off)
         told = f"{told} If it is right after all, the first is at {probability_text(right)} %."

@@ -4,7 +4,16 @@ from collections.abc import Sequence
 from math import isnan
 from typing import Any
 
-from faultbond.contract.findings import Advice, Candidate, Diagnosis, Forecast, Suspect, Unexplained, Untested
+from faultbond.contract.findings import (
+    Advice,
+    Candidate,
+    Diagnosis,
+    Forecast,
+    Superseded,
+    Suspect,
+    Unexplained,
+    Untested,
+)
 from faultbond.contract.spec import EngineSpec
 from faultbond.types import CheckKind, FaultKind
 
@@ -24,6 +33,7 @@ def diagnosis_of(spec: EngineSpec, found: Any) -> Diagnosis:
         )
     if found["has_untested"]:
         untested = Untested(sets=int(found["untested_sets"]), probability=float(found["untested_probability"]))
+    parts = [spec.parts[int(k)] for k in found["superseded"][: int(found["n_superseded"])]]
     return Diagnosis(
         time=float(found["time"]),
         candidates=tuple(candidate_of(spec, item) for item in found["candidates"][: int(found["n_candidates"])]),
@@ -31,6 +41,7 @@ def diagnosis_of(spec: EngineSpec, found: Any) -> Diagnosis:
         untested=untested,
         within_accuracy=float(found["within_accuracy"]),
         mismatch=float(found["mismatch"]),
+        superseded=Superseded(components=tuple(parts), until=float(found["superseded_until"])) if parts else None,
     )
 
 

@@ -102,7 +102,14 @@ class Core:
                 ("time", _REAL),
                 *(
                     (name, _INT)
-                    for name in ("n_candidates", "is_unexplained", "has_untested", "untested_sets", "signal")
+                    for name in (
+                        "n_candidates",
+                        "is_unexplained",
+                        "has_untested",
+                        "untested_sets",
+                        "signal",
+                        "n_superseded",
+                    )
                 ),
                 *(
                     (name, _REAL)
@@ -113,8 +120,10 @@ class Core:
                         "untested_probability",
                         "within_accuracy",
                         "mismatch",
+                        "superseded_until",
                     )
                 ),
+                ("superseded", _INT, (_largest(self.spec),)),
                 ("candidates", self.candidate, (min(max(self.spec.n_hypotheses, 1), MAX_CANDIDATES),)),
             ]
         )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from faultbond.contract.findings import Diagnosis
 from faultbond.contract.samples import Status
 from faultbond.model.graph import BondGraph
-from faultbond.report.numbers import clock_text, duration_text, probability_text
+from faultbond.report.numbers import clock_text, duration_text, join, probability_text
 from faultbond.report.verdict import best_group, set_name
 from faultbond.service.asset import Asset
 from faultbond.service.contract.messages import Monitoring, Ne107
@@ -114,6 +114,8 @@ def diagnosis_line(graph: BondGraph, diagnosis: Diagnosis) -> str:
     told = f"{' or '.join(named)}{more}"
     if diagnosis.unexplained is not None:
         return f"no fault of the model explains it; nearest comes {told}."
+    if diagnosis.superseded is not None:
+        return f"{join(diagnosis.superseded.components)} was sure before, so more may have changed; else {told}."
     if diagnosis.mismatch >= LIKELY:
         return f"most likely the model is off; else {told}."
     if diagnosis.within_accuracy > LIKELY:

@@ -1,0 +1,74 @@
+"""Two things that change one after the other: what stands for both is not claimed; each is found if one is accepted."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from faultbond.cli import main
+from made import EXAMPLES
+
+TANK = EXAMPLES / "tank"
+FIRST, SECOND, THEN = "K1=x1.6@1230", "K2=x0.5@3140", 3140.0  # what a step of the flow sensor would look like by then
+
+
+def watched(folder: Path, faults: list[str], *words: str, rows: int = 4920) -> list[dict[str, Any]]:
+    """The records of `run` on a recording of the tank with some faults."""
+    recording, records = folder / "recording.csv", folder / "records.jsonl"
+    told = [word for fault in faults for word in ("--fault", fault)]
+    healthy = folder / "healthy.csv"
+    healthy.write_text("\n".join((TANK / "healthy.csv").read_text().splitlines()[: rows + 1]) + "\n")
+    model = str(TANK / "model.yaml")
+    simulated = ["simulate", model, "--inputs", str(healthy), *told, "--seed", "3", "-o", str(recording)]
+    assert main(simulated) == 0
+    main(["run", model, str(recording), "--json", str(records), *words])
+    return [json.loads(line) for line in records.read_text().splitlines()]
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
+    """Those of both faults, of which nobody accepts the first."""
+    return watched(tmp_path_factory.mktemp("both"), [FIRST, SECOND])
+
+
+def test_what_stands_for_both_is_not_claimed(records: list[dict[str, Any]]) -> None:
+    """The pipe is sure for half of an hour; what takes its place then is at most as likely as that more has changed."""
+    told = [item for item in records if item["record"] == "diagnosis"]
+    before = [item for item in told if item["time"] < THEN]
+    assert all("superseded" not in item for item in before)
+    assert before[-1]["candidates"][0]["components"] == ["pipe"]
+    assert before[-1]["candidates"][0]["probability"] > 0.99
+    last = told[-1]
+    assert last["superseded"]["components"] == ["pipe"]
+    assert THEN - 60.0 < last["superseded"]["until"] < THEN + 60.0
+    assert last["mismatch"] == 0.5
+    assert max(item["probability"] for item in last["candidates"]) < 0.52
+
+
+def test_it_is_said_what_was_sure_and_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """In words, on the page, and without a claim."""
+    page = tmp_path / "page.html"
+    watched(tmp_path, [FIRST, SECOND], "--report", str(page))
+    said = "pipe was sure to be at fault, and does not explain what came then."
+    assert said in page.read_text()
+    main(["run", str(TANK / "model.yaml"), str(tmp_path / "recording.csv")])
+    text = " ".join(capsys.readouterr().out.split())
+    assert f"Up to 3125 s {said}" in text
+    assert "no fault is claimed" in text
+    assert "`--accept auto`" in text
+    assert "Most likely" not in text
+
+
+def test_each_is_found_where_the_first_is_accepted(tmp_path: Path) -> None:
+    """By the rule: nothing is superseded, and the orifice is found beside the pipe."""
+    told = watched(tmp_path, [FIRST, SECOND], "--accept", "auto")
+    assert [item["components"] for item in told if item["record"] == "accepted"] == [["pipe"], ["orifice"]]
+    assert not [item for item in told if "superseded" in item]
+
+
+def test_one_fault_supersedes_nothing(tmp_path: Path) -> None:
+    """However long it lasts."""
+    told = watched(tmp_path, [FIRST])
+    assert not [item for item in told if "superseded" in item]
+    assert [item for item in told if item["record"] == "diagnosis"][-1]["candidates"][0]["probability"] > 0.99
