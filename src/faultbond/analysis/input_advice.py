@@ -78,7 +78,7 @@ def input_advice(
     ----------
     model : the plant
     sets : two or more sets of parameter names
-    inputs : levels of the operating point, SI; default those of `equilibrium.reference_levels`
+    inputs : (n_inputs,), levels of the operating point, SI; default those of `equilibrium.reference_levels`
     longest : s, the longest hold; default 600 samples, fewer where the plant has no finite solution for so long
 
     Raises
