@@ -63,6 +63,27 @@ def test_what_was_never_seen_up_to_the_alarm_is_told(first: int, last: int, valu
     assert [(item.input.name, item.value) for item in found] == ([("u_in", value)] if told else [])
 
 
+def test_the_zero_of_a_unit_is_that_of_its_range() -> None:
+    """24 degC are far beyond 9.5 to 20.2 degC, however little that is of 293 K; an input that stood still has some room."""
+    graph = parse_model(
+        "name: wall\nsample_time: 1 s\ninputs: {t: {unit: degC, fitted_range: [9.5 degC, 20.2 degC]}}\n"
+        "components: {s: {type: Se, law: e = t}, r: {type: R, law: e = R*f, parameters: {R: 1 K/W}}}\n"
+        "junctions: {j: 1}\nbonds: [s -> j -> r]\nsensors: {q: {reads: j.f, unit: W, noise: 1 W}}\n"
+    )
+    for celsius, told in ((20.6, False), (21.0, True), (24.0, True), (8.0, True)):
+        points = [
+            PointBlock(
+                index=np.arange(600),
+                time=np.arange(600.0),
+                dt=np.ones(600),
+                u=np.full((600, 1), celsius + 273.15),
+                y=np.zeros((600, 1)),
+                resumes=np.zeros(600, dtype=bool),
+            )
+        ]
+        assert bool(unfamiliar_inputs(graph, points, ALARM)) is told, celsius
+
+
 def test_an_onset_long_before_the_alarm_counts_from_there() -> None:
     """A slow fault may come from an operation of hours ago."""
     u_in = np.full(600, 40.0)

@@ -11,7 +11,7 @@ from faultbond.model.graph import BondGraph, Input
 from faultbond.report.numbers import figure, join, unit_text
 
 BEYOND = 0.05  # of its range in these recordings by which an input must lie beyond it
-LEAST = 0.02  # of its largest value there, at least
+LEAST = 0.02  # of its largest value there in its own unit, at least
 BEFORE = 100  # samples before the alarm in which that counts, and all from the onset on
 
 
@@ -39,7 +39,8 @@ def unfamiliar_inputs(graph: BondGraph, points: Iterable[PointBlock], alarm: Det
     found = []
     for k, item in known:
         lower, upper = item.fitted_range or (0.0, 0.0)
-        room = max(BEYOND * (upper - lower), LEAST * max(abs(lower), abs(upper)))
+        zero = item.unit.offset  # 20 degC are 20, not 293
+        room = max(BEYOND * (upper - lower), LEAST * max(abs(lower - zero), abs(upper - zero)))
         seen = u[np.isfinite(u[:, k]), k]
         off = np.maximum(lower - seen, seen - upper)
         if len(seen) and off.max() > room:
