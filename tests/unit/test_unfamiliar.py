@@ -64,7 +64,7 @@ def test_what_was_never_seen_up_to_the_alarm_is_told(first: int, last: int, valu
 
 
 def test_the_zero_of_a_unit_is_that_of_its_range() -> None:
-    """24 degC are far beyond 9.5 to 20.2 degC, however little that is of 293 K; an input that stood still has some room."""
+    """24 degC are far beyond 9.5 to 20.2 degC, however little that is of 293 K."""
     graph = parse_model(
         "name: wall\nsample_time: 1 s\ninputs: {t: {unit: degC, fitted_range: [9.5 degC, 20.2 degC]}}\n"
         "components: {s: {type: Se, law: e = t}, r: {type: R, law: e = R*f, parameters: {R: 1 K/W}}}\n"
