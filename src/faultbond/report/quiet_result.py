@@ -526,7 +526,12 @@ def _deaf_lines(found: Quieted) -> list[tuple[str, str]]:
         return []
     slow = [item.what.place for item in found.added if item.what.is_slow]
     what = f"what is missing in the laws at {join(slow)}" if slow else "what is missing in the model"
-    told = f"{join(found.deaf)}: only changes by more than half show through all that the model may do while healthy"
+    values, smallest = found.fitted.values, {item.parameter: item.value for item in found.smallest_after}
+    hidden = [name for name in found.deaf if not _is_below(smallest[name], DEAF * abs(values[name]))]
+    moving = [name for name in found.deaf if name not in hidden]
+    shown = f"{join(hidden)}: only changes by more than half show through all that the model may do while healthy"
+    known = f"{join(moving)}: seen to move so far while healthy (`healthy_change`) that smaller changes are not claimed"
+    told = "; ".join([shown] * bool(hidden) + [known] * bool(moving))
     return [("deaf to", f"{told}. Find {what}, or record what acts there as an input, and fit again")]
 
 
