@@ -199,13 +199,14 @@ def _points(blocks: Iterable[RowBlock], grid: Grid) -> Iterator[PointBlock]:
     yield from blocks_of_points(grid.finish())
 
 
-def new_grid(spec: EngineSpec, *, live: bool, clock: GridClock | None = None) -> Grid:
-    """Give the grid on which rows of a plant are put."""
+def new_grid(spec: EngineSpec, *, live: bool, clock: GridClock | None = None, same: bool = False) -> Grid:
+    """Give the grid on which rows of a plant are put; see `Grid`."""
     return Grid(
         spec.sample_time,
         live=live,
         noise=[item.noise for item in spec.outputs],
         clock=clock,
+        same=same,
         row_time=spec.row_time,
         held=[not item.linear for item in spec.inputs],
     )

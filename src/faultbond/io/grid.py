@@ -94,6 +94,8 @@ class Grid:
     steady : whether the clock is never set: every gap is filled, however long, and rows that are too old are dropped
     noise : standard deviations of the sensors in SI, to count those that are frozen
     clock : where an earlier grid stood, from which this one goes on with the first row that is later; None: anew
+    same : with a clock, whether rows go on in the very recording of it, as in a log: however they begin, they are not given
+        again
     row_time : seconds between rows, of which those about a grid point are averaged; None: none is
     held : with it, whether each input stays until the next grid point, see `RowMeans`
     """
@@ -106,6 +108,7 @@ class Grid:
         steady: bool = False,
         noise: Sequence[float] = (),
         clock: GridClock | None = None,
+        same: bool = False,
         row_time: float | None = None,
         held: Sequence[bool] = (),
     ) -> None:
@@ -127,7 +130,7 @@ class Grid:
         self._last_index, self._last_time = -1, math.nan
         self._passed = -math.inf  # rows up to this time were passed by an earlier grid
         self._firsts: tuple[str, ...] = clock.firsts if clock else ()
-        self._began = False  # whether a row with a time has come
+        self._began = same and clock is not None  # whether a row with a time has come
         self._follow, self._n_gaps = (
             clock is not None,
             0,

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 
 from faultbond.app.course import Course, Following
 from faultbond.app.decision import NO_ALARM, chosen_hypothesis
@@ -89,9 +89,7 @@ class Asset:
         before = self._opened(checkpoint) if checkpoint is not None else None
         self._watcher = watcher_of(plant, Wanted(), before)
         self.spec = self._watcher.spec
-        # Rows of the log that follow a checkpoint are no recording that is given again, however they begin.
-        clock = replace(before.clock, firsts=()) if before else None
-        self._grid = new_grid(self.spec, live=True, clock=clock)
+        self._grid = new_grid(self.spec, live=True, clock=before.clock if before else None, same=True)
         self._trace = Trace(self.spec, lag=self._watcher.lag, newest=RECENT)
         self._records: list[NamedRecord] = []
         out = Out(text=None, json=None, hear=self._tell)
