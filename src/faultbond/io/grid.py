@@ -94,7 +94,7 @@ class Grid:
     steady : whether the clock is never set: every gap is filled, however long, and rows that are too old are dropped
     noise : standard deviations of the sensors in SI, to count those that are frozen
     clock : where an earlier grid stood, from which this one goes on with the first row that is later; None: anew
-    same : with a clock, whether rows go on in the very recording of it, as in a log: none is given again, whatever it is
+    same : with a clock, whether rows go on in the recording of it, as in a log: none is given again, however it begins
     row_time : seconds between rows, of which those about a grid point are averaged; None: none is
     held : with it, whether each input stays until the next grid point, see `RowMeans`
     """
