@@ -12,31 +12,14 @@ from faultbond.equations.step import build_step_model
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
 from faultbond.synthesis.specify import build_spec
-
-TEXT = """
-name: pumped tank
-sample_time: 1 s
-VALID
-constants: {least: 20 percent}
-inputs:
-  speed:   {unit: percent}
-  running: {column: pump_on}
-components:
-  pump:   {type: Se, law: e = K*speed**2, parameters: {K: 12 Pa/percent^2}}
-  pipe:   {type: R, law: e = Rp*f*abs(f), parameters: {Rp: 4e10 Pa*s^2/m^6}}
-  tank:   {type: C, law: e = q/C, parameters: {C: 5e-6 m^3/Pa}}
-  outlet: {type: R, law: e = Ro*f, parameters: {Ro: 3e7 Pa*s/m^3}}
-junctions: {line: 1, vessel: 0}
-bonds: [pump -> line -> pipe, line -> vessel -> tank, vessel -> outlet]
-sensors:
-  flow:  {reads: line.f, unit: m^3/s, noise: 2e-6 m^3/s FLOW}
-  level: {reads: vessel.e, unit: Pa, noise: 100 Pa}
-"""
+from pumped import TEXT
 
 
 def pumped(valid: str, flow: str = "") -> BondGraph:
-    """The pumped tank of the manual under some condition."""
-    return parse_model(TEXT.replace("VALID", f"valid_when: {valid}" if valid else "").replace("FLOW", flow))
+    """The pumped tank under some condition; `flow`: more of its flow meter."""
+    more = f"constants: {{least: 20 percent}}\n{f'valid_when: {valid}' if valid else ''}\n"
+    noise = "noise: 2e-6 m^3/s"
+    return parse_model(more + TEXT.replace(noise, noise + flow))
 
 
 @pytest.mark.parametrize(
