@@ -270,48 +270,29 @@ static int values_of(const Inputs *inputs, double now, int k, double *values)
     return n;
 }
 
-/* What a move of input k to a value tells, as a check; nothing where the model does not hold there. */
-static Check try_move(const State *state, const Diagnosis *found, int k, double value, Rivals *rivals, Filters *filters)
-{
-    Check check = check_of(CHECK_INPUT, k, INPUT_COST[k]);
-    const double now = rivals->held[k];
-    check.within = AHEAD * step_ahead();
-    check.value = rivals->held[k] = value;
-    if (MODEL_CONDITION < 0 || model_holds(MODEL_CONDITION, rivals->held)) {
-        check.n_groups = part_ahead(state, found, check.group, rivals, filters);
-        check.gain = entropy(rivals, check.group, check.n_groups);
-    }
-    rivals->held[k] = now;
-    return check;
-}
-
-/* Moving an input lets candidates go apart that agree now. Of its moves the nearest is advised that tells most, to 0.01. What the
-   two farthest do not tell nearer ones are not asked for, nor those beyond one that tells all: they take most of a diagnosis. */
+/* Moving an input lets candidates go apart that agree now. Of its moves the nearest is advised that tells most, to 0.01. */
 static void find_moves(const State *state, const Diagnosis *found, Rivals *rivals, Filters *filters, Advice *advice)
 {
     int64_t group[MOST_RIVALS];
     double values[2 * N_MOVE_PARTS];
     const double *now = inputs_now(state);
-    for (int64_t r = 0; r < rivals->n; r++) group[r] = r;
-    const double all = rint(100.0 * entropy(rivals, group, rivals->n));
     memcpy(rivals->held, now, sizeof rivals->held);
     const int64_t n_waited = part_ahead(state, found, group, rivals, filters);
     const double waited = entropy(rivals, group, n_waited);
     for (int k = 0; k < N_INPUTS; k++) {
-        Check tried[2 * N_MOVE_PARTS];
-        const int n = values_of(&state->inputs, now[k], k, values), far = n > 2 ? n - 2 : 0;
-        int best = -1, is_worth = 0;
-        for (int move = far; move < n; move++) {
-            tried[move] = try_move(state, found, k, values[move], rivals, filters);
-            is_worth |= tried[move].gain >= waited + WORTH;
+        Check check = check_of(CHECK_INPUT, k, INPUT_COST[k]), best = check;
+        const int n = values_of(&state->inputs, now[k], k, values);
+        check.within = AHEAD * step_ahead();
+        for (int move = 0; move < n; move++) {
+            check.value = rivals->held[k] = values[move];
+            if (MODEL_CONDITION >= 0 && !model_holds(MODEL_CONDITION, rivals->held)) continue;
+            check.n_groups = part_ahead(state, found, check.group, rivals, filters);
+            check.gain = entropy(rivals, check.group, check.n_groups);
+            const int is_worth = check.gain >= waited + WORTH;
+            if (is_worth && (best.n_groups == 0 || rint(100.0 * check.gain) > rint(100.0 * best.gain))) best = check;
         }
-        for (int move = 0; is_worth && move < n; move++) {
-            if (move < far) tried[move] = try_move(state, found, k, values[move], rivals, filters);
-            const double gain = rint(100.0 * tried[move].gain);
-            if (tried[move].gain >= waited + WORTH && (best < 0 || gain > rint(100.0 * tried[best].gain))) best = move;
-            if (best == move && gain >= all) break;
-        }
-        if (best >= 0) advice->checks[advice->n_checks++] = tried[best];
+        rivals->held[k] = now[k];
+        if (best.n_groups > 0) advice->checks[advice->n_checks++] = best;
     }
 }
 
