@@ -259,9 +259,9 @@ def usual_runs(model: StepModel, spec: EngineSpec, count: int) -> Iterator[Usual
     An input is its reference times 1 + 1/4 sin(2 pi k/40) + 1/4 sin(2 pi k/300) at sample k; a second input moves a
     part of a period later, so that no two move together. One that settles stands still for four settling times after
     each move, or the sensors that feel it would be blind all the time, and one whose move would end the validity of the
-    model stands still all the time. A run begins where the plant is at rest with its
-    inputs at their references, or where the reference run ended if it does not come to rest; declared starts hold. Then
-    come runs whose inputs move less, or not at all.
+    model stands still all the time. A run begins where the plant is at rest with its inputs at their references, or
+    where the reference run ended if it does not come to rest; declared starts hold. Then come runs whose inputs move
+    less, or not at all.
     """
     batch, levels, n_u = Batch(advance_function(model)), reference_levels(model), len(spec.inputs)
     held = np.array([max(1, ceil(HELD * item.settling / (spec.sample_time or 1.0))) for item in spec.inputs], dtype=int)

@@ -3,17 +3,13 @@
 Each input is looked at by itself: conditions that join two of them are not met on purpose.
 """
 
-import operator as op
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from faultbond.equations.numeric import Real, numeric_value
+from faultbond.equations.numeric import Real, condition_holds
 from faultbond.model.expression import Binary, Expression, Number, names, walk
 from faultbond.model.graph import BondGraph, Input
 
-_COMPARISONS: dict[str, Callable[[Real, Real], bool]] = {
-    "<": op.lt, "<=": op.le, ">": op.gt, ">=": op.ge, "==": op.eq, "!=": op.ne,
-}  # fmt: skip
 _PARTS = (1.0, 1.25, 0.75, 2.5, 0.4, -1.0, 0.0)  # of what stands in a condition, tried in turn
 _CORNERS = 9  # levels within the move of an input at which its conditions are to hold
 
@@ -24,18 +20,6 @@ class Level:
 
     value: float
     moves: bool
-
-
-def condition_holds(condition: Expression, values: dict[str, Real]) -> bool:
-    """Whether a condition is true; `values` maps names of inputs and constants to SI values."""
-    match condition:
-        case Binary("and", left, right):
-            return condition_holds(left, values) and condition_holds(right, values)
-        case Binary("or", left, right):
-            return condition_holds(left, values) or condition_holds(right, values)
-        case Binary(operator, left, right) if operator in _COMPARISONS:
-            return _COMPARISONS[operator](numeric_value(left, values), numeric_value(right, values))
-    return bool(numeric_value(condition, values))
 
 
 def valid_levels(graph: BondGraph, levels: Sequence[float], move: float) -> tuple[Level, ...]:

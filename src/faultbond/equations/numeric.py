@@ -21,6 +21,8 @@ _COMPARISONS: dict[str, Callable[[Real, Real], bool]] = {
     "<=": lambda a, b: a <= b,
     ">": lambda a, b: a > b,
     ">=": lambda a, b: a >= b,
+    "==": lambda a, b: a == b,
+    "!=": lambda a, b: a != b,
 }
 
 
@@ -54,6 +56,18 @@ def numeric_value(expression: Expression, values: Mapping[str, Real]) -> Real:
         return _in_reach(_slopes(expression, values, frozenset())[0])
     except (ArithmeticError, ValueError):
         return NAN
+
+
+def condition_holds(condition: Expression, values: Mapping[str, Real]) -> bool:
+    """Whether a condition is true; `values` maps names of inputs and constants to SI values."""
+    match condition:
+        case Binary("and", left, right):
+            return condition_holds(left, values) and condition_holds(right, values)
+        case Binary("or", left, right):
+            return condition_holds(left, values) or condition_holds(right, values)
+        case Binary(operator, left, right) if operator in _COMPARISONS:
+            return _COMPARISONS[operator](numeric_value(left, values), numeric_value(right, values))
+    return bool(numeric_value(condition, values))
 
 
 def slopes(expression: Expression, values: Mapping[str, Real], names: Collection[str]) -> tuple[Real, Slopes]:

@@ -38,13 +38,13 @@ def title(console: Console, text: str, note: str = "") -> None:
     console.print(Text.assemble((text, "bold underline"), (f"  {note}" if note else "", "dim")))
 
 
-def lines(console: Console, items: Iterable[tuple[str, str]]) -> None:
-    """Print labels and texts that wrap beside them."""
+def lines(console: Console, items: Iterable[tuple[str, str]], style: str = "") -> None:
+    """Print labels and texts that wrap beside them, these in a style."""
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="dim", no_wrap=True)
     grid.add_column(overflow="fold")
     for label, text in items:
-        grid.add_row(Text(label), Text(text))
+        grid.add_row(Text(label), Text(text, style=style))
     console.print(Padding(grid, (0, 0, 0, 1)))
 
 
@@ -75,12 +75,15 @@ def table(
     body = [tuple(row) for row in rows]
     style_of = [*styles, *[""] * (len(body) - len(styles))]
     for padding in (1, 0):  # columns that stand nearer to each other before there is no table at all
-        widths = _widths(header, body, whole, console.width + 1 - len(header) * (1 + 2 * padding) - 2 * (1 - padding))
+        gaps = (len(header) - 1) * (1 + 2 * padding)
+        widths = _widths(header, body, whole, console.width - 2 - gaps)  # one column is left free at each side
         if widths is not None:
             break
     else:
         for row, style in zip(body, style_of, strict=True):
-            _print_block(console, header, row, style)
+            if row[0]:
+                console.print()
+            lines(console, [(name, text) for name, text in zip(header, row, strict=True) if text], style)
         return
     made = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, padding), header_style="dim")
     for name, width in zip(header, widths, strict=True):
@@ -106,17 +109,6 @@ def _widths(
         return None
     spare, missing = room - sum(least), sum(wanted) - sum(least)
     return [few + spare * (many - few) // missing for few, many in zip(least, wanted, strict=True)]
-
-
-def _print_block(console: Console, header: Sequence[str], row: Sequence[str], style: str) -> None:
-    """Print a row of a table that is too wide, a line for each of its columns that has a text."""
-    named = [(name, text) for name, text in zip(header, row, strict=True) if text]
-    grid = Table.grid(padding=(0, 2))
-    grid.add_column(style="dim", no_wrap=True)
-    grid.add_column(overflow="fold")
-    for name, text in named:
-        grid.add_row(Text(name), Text(text, style=style))
-    console.print(Padding(grid, (1 if row[0] else 0, 0, 0, 1)))
 
 
 def print_refusal(console: Console, heading: str, message: str) -> None:

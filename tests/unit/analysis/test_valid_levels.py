@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from faultbond.analysis.operation import usual_runs
-from faultbond.analysis.valid_levels import Level, condition_holds, valid_levels
+from faultbond.analysis.valid_levels import Level, valid_levels
+from faultbond.equations.numeric import condition_holds
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.model.graph import BondGraph
