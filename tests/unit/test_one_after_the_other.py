@@ -4,8 +4,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+import faultbond as fb
 from faultbond.cli import main
 from made import EXAMPLES
 
@@ -27,9 +29,15 @@ def watched(folder: Path, faults: list[str], *words: str, rows: int = 4920) -> l
 
 
 @pytest.fixture(scope="module")
-def records(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the recording of both faults is."""
+    return tmp_path_factory.mktemp("both")
+
+
+@pytest.fixture(scope="module")
+def records(folder: Path) -> list[dict[str, Any]]:
     """Those of both faults, of which nobody accepts the first."""
-    return watched(tmp_path_factory.mktemp("both"), [FIRST, SECOND])
+    return watched(folder, [FIRST, SECOND])
 
 
 def test_what_stands_for_both_is_not_claimed(records: list[dict[str, Any]]) -> None:
@@ -72,3 +80,23 @@ def test_one_fault_supersedes_nothing(tmp_path: Path) -> None:
     told = watched(tmp_path, [FIRST])
     assert not [item for item in told if "superseded" in item]
     assert [item for item in told if item["record"] == "diagnosis"][-1]["candidates"][0]["probability"] > 0.99
+
+
+@pytest.mark.parametrize(("rejected", "superseded"), [("flow", ("pipe",)), ("pipe", None)])
+def test_who_rejects_what_took_its_place_is_told_all_the_same(
+    records: list[dict[str, Any]], folder: Path, rejected: str, superseded: tuple[str, ...] | None
+) -> None:
+    """What was sure before stays known, unless that is rejected: the next best is claimed no more than the last."""
+    model = fb.load(TANK / "model.yaml")
+    monitor, rows = fb.Monitor(model), np.genfromtxt(folder / "recording.csv", delimiter=",", names=True)
+    columns = [name for name in rows.dtype.names or () if name != "time"]
+    for number, row in enumerate(rows[:4700]):
+        monitor.update(float(row["time"]), {name: float(row[name]) for name in columns})
+        if number == 4400:
+            assert monitor.diagnosis is not None
+            assert monitor.diagnosis.superseded is not None
+            monitor.reject(rejected)
+    last = monitor.diagnosis
+    assert last is not None
+    assert (last.superseded.components if last.superseded is not None else None) == superseded
+    assert (last.mismatch == 0.5) == (superseded is not None)

@@ -258,7 +258,7 @@ static int reject(State *state, int64_t hypothesis, Candidate *candidate, Diagno
         if (falls_with(k, hypothesis)) bank->rejected[k] = 1;
     wake(bank);
     forget_sure(&state->sure);
-    forget_settled(&state->settled);
+    forget_sure(&state->settled.now); /* what was sure before stays so, unless that is what is rejected */
     return 0;
 }
 
