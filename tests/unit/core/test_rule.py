@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import pumped
 from cell_course import ACCEPTED, REJECTED, cell, course
 from faultbond.runtime.candidates import diagnosis_of
 from faultbond.runtime.monitor import Monitor
@@ -148,3 +149,14 @@ def test_both_methods_have_one_rule(course: list[tuple[int, dict[str, Any]]]) ->
         classic, expected = take_diagnosis(replace(classic, index=sample + 1), diagnosis, 0.95)
         assert found == expected
         assert sure(monitor) == (classic.sure, classic.sure_since, classic.clear_since)
+
+
+def test_samples_that_are_not_judged_do_not_count() -> None:
+    """While the pump is off nothing is judged, so nothing becomes sure by that."""
+    samples = pumped.course([(200, 300)], 300)
+    monitor = Monitor(pumped.core())
+    monitor.take(samples[:210])
+    since = {"sure.since": 5, "sure.clear_since": 7, "settled.now.since": 6, "settled.now.clear_since": 8}
+    monitor = changed(monitor, **since)
+    monitor.take(samples[210:240])
+    assert {name: int(monitor.number(name)) for name in since} == {name: value + 30 for name, value in since.items()}
