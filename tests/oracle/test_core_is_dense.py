@@ -20,7 +20,7 @@ from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.engine import build_engine
 from faultbond.types import FaultKind
 from lanes import slot_lanes, suspect_lanes
-from plants import NINE_SENSORS
+from plants import NINE_SENSORS, pumped_tank
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RANGES = {"percent": (40.0, 90.0, 30.0), "V": (2.0, 12.0, 0.5)}  # by unit: lowest, highest, shortest step in s
@@ -72,6 +72,7 @@ class Both:
 def both(name: str) -> Both:
     """A built-in plant, the lamp, or a ladder."""
     made = {"lamp": LAMP, "ladder": ladder_text(3), "nine": NINE_SENSORS}
+    made["late pump"] = pumped_tank(speed=", lag: 2 s, noise: 1 percent")
     made |= {
         f"{hold} lamp": LAMP.replace("noise: 50 mV}", f"noise: 50 mV, hold: {hold}}}") for hold in ("linear", "next")
     }
@@ -148,7 +149,7 @@ PLAIN |= {
 }
 NEAR = {"ladder": 1e-8, "nine": 1e-9}  # their starts are a thousand times as wide as what the sensors leave
 SLOTTED = {"tank": 200, "dc_motor_current": 200, "rlc": 200, "rc": 200, "cascaded_tanks": 100, "lamp": 35}
-SLOTTED |= {"linear lamp": 35, "next lamp": 35}
+SLOTTED |= {"linear lamp": 35, "next lamp": 35, "late pump": 100}
 
 
 @pytest.mark.parametrize("name", PLAIN)
@@ -175,7 +176,7 @@ def test_lanes_with_a_slot_are_those_of_the_textbook(name: str) -> None:
     plan, peak = plan_slots(spec), np.abs(samples[:, spec.sample_fields["u"]]).max(axis=0)
     y, u = (samples[0, spec.sample_fields[name]] for name in ("y", "u"))
     first = {(lane.kind, lane.output, lane.input, lane.acts): k for k, lane in reversed(list(enumerate(plan.lanes)))}
-    at_once = set() if any(item.settling for item in spec.parameters) else {FaultKind.STEP}
+    at_once = set() if any(item.settling or item.lag for item in spec.parameters) else {FaultKind.STEP}
     assert {kind for kind, *_ in first} == set(FaultKind) - at_once
     one = two = slot_lanes(spec, plan, list(first.values()), healthy_of(plant, name)[:, 0], peak, y, u)
     one[spec.slotted.slot_slice.start + 1] += 0.01  # something moves in every lane

@@ -118,9 +118,12 @@ class DenseFilter:
             Q[i] = error.sd**2 * (1.0 - decay**2) + fields["kick"][k]
         if spec.slot:
             size = spec.slot_slice.start
-            moves = lane.roles["moves"][0]
-            z[size] += dt * moves * z[size + 1]
-            F[size, size + 1] = dt * moves
+            moves, fades = lane.roles["moves"][0] * dt, lane.roles["fades"][0]
+            left = np.exp(-fades * moves)
+            F[size, size + 1] = (1.0 - left) / fades if fades > 0.0 else moves
+            z[size] += F[size, size + 1] * z[size + 1]
+            F[size + 1, size + 1] = left
+            z[size + 1] *= left
         z[spec.noise_slice] *= fields["fade"]  # 0 where it is white: every sample has its own
         F[spec.noise_slice] *= fields["fade"][:, None]
         Q[spec.noise_slice] = fields["fresh"]

@@ -55,13 +55,14 @@ def slot_lanes(
     size, rate = wide.slot_slice.start, wide.slot_slice.start + 1
     for column, index in enumerate(chosen):
         item, unit = plan.lanes[index], 1.0
+        per = item.lag or dt  # s for which rates are stated
         if item.parameter >= 0 and spec.parameters[item.parameter].healthy:
             unit = healthy[spec.parameter_slice.start + item.parameter]
         elif item.input >= 0 and not item.scales:
             unit = peak[item.input] or 1.0
         stuck = inputs[item.input] if item.input >= 0 else readings[item.output] / spec.outputs[item.output].noise
         lanes[size, column] = stuck if item.sticks else item.size * unit
-        lanes[rate, column] = item.rate * unit / dt
+        lanes[rate, column] = item.rate * unit / per
         lanes[covariance_place(wide, size, size), column] = (item.size_sd * unit) ** 2
-        lanes[covariance_place(wide, rate, rate), column] = (item.rate_sd * unit / dt) ** 2
+        lanes[covariance_place(wide, rate, rate), column] = (item.rate_sd * unit / per) ** 2
     return lanes

@@ -69,6 +69,24 @@ sensors:
 """
 
 
+def pumped_tank(*, speed: str = "", meter: str = "") -> str:
+    """Give a tank that a pump fills, with more that is stated of its speed and of the meter of its flow."""
+    return f"""\
+name: pumped tank
+sample_time: 1 s
+accuracy: 4 %
+constants: {{all: 100 percent}}
+inputs: {{u: {{unit: percent{speed}}}}}
+blocks:
+  pump: {{law: F = K*u/all, parameters: {{K: 0.5 l/s}}}}
+  tank: {{law: der(h) = (F - C*h)/A, parameters: {{C: 0.3 l/s/m, A: 0.2 m^2}}}}
+sensors:
+  flow: {{reads: F, unit: l/s, noise: 0.001 l/s{meter}}}
+  level: {{reads: h, unit: m, noise: 0.01 m}}
+slow_error: {{F: 1 % over 5 min}}
+"""
+
+
 def example(name: str, *changes: tuple[str, str]) -> StepModel:
     """A built-in plant, by its folder or its file, some words of it changed."""
     path = EXAMPLES / (name if name.endswith(".yaml") else f"{name}/model.yaml")

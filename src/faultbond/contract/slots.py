@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import hypot, log
+from math import hypot, log, sqrt
 
 import numpy as np
 
@@ -29,6 +29,7 @@ GAIN = 0.3  # sd of the relative error of the gain of a sensor or an input
 STUCK_NOISES = (1.0,)  # noise variance of a sensor that is stuck, in that declared
 STUCK_AT = (1.0, 1000.0)  # sd of where it is stuck about its last reading, in its noise
 NOISES = (4.0, 9.0, 25.0, 100.0, 1000.0)  # noise variance of a sensor that scatters, in that declared
+_WITHIN = 2.0  # samples in which a fault of an input that lags comes
 INPUT_BIASES = (0.05, 0.5)  # sd of an input's bias, in the largest value seen
 INPUT_STUCK = (0.02, 0.5)  # sd of where an input is stuck about where it was, alike: there, or at an end
 COMMANDED = log(0.3)  # prior weight of the faults of an input, beside the step of a component
@@ -61,8 +62,9 @@ class SlotLane:
     old : whether the fault has been under way for long, so that the healthy filter has learned from it
     size, size_sd, rate, rate_sd : start; of a parameter in healthy factors (or factors, where the nominal is 0), of a
         sensor in its noise (bias, stuck), of an input in its largest value seen, of a gain relative; the rate per
-        sample
+        sample, or per lag
     settling : time, s, in which what is at fault may come to its size; 0: it is there at once
+    lag : time constant, s, with which the rate fades, so that the size comes to rest; 0: it never does
     noise : noise variance of the sensor, in that declared
     weight : logarithm of the prior weight
     """
@@ -81,6 +83,7 @@ class SlotLane:
     rate: float = 0.0
     rate_sd: float = 0.0
     settling: float = 0.0
+    lag: float = 0.0
     noise: float = 1.0
     weight: float = 0.0
 
@@ -189,22 +192,28 @@ def _changes(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotL
 
 
 def _settling_steps(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLane]:
-    """Give steps that a sensor shows as slowly as it does an input: what lags may be the sensor, too."""
-    usual = (min(GAIN, item.change), item.change) if item.healthy else (item.change,)
-    for sd in dict.fromkeys(usual if item.settling > 0.0 else ()):
-        yield SlotLane(
-            hypothesis=hypothesis,
-            kind=FaultKind.STEP,
-            parameter=index,
-            size_sd=sd,
-            settling=item.settling,
-            weight=SHOWING,
-        )
+    """Give steps that a sensor shows as slowly as it does an input: what lags may be the sensor, too.
+
+    Where the lag is known it is that of the step, but how late in its sample one came is not known; and since nobody
+    knows what lags, such a step is as likely as one that shows at once.
+    """
+    lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.STEP, parameter=index)
+    usual = dict.fromkeys((min(GAIN, item.change), item.change) if item.healthy else (item.change,))
+    for sd in usual if item.settling > 0.0 else ():
+        yield replace(lane, size_sd=sd, settling=item.settling, weight=SHOWING)
+    for sd in usual if item.lag > 0.0 else ():
+        part = sqrt(0.5) * sd
+        yield replace(lane, size_sd=part, rate_sd=part, lag=item.lag, weight=-log(len(usual)))
 
 
 def _in_sight(spec: EngineSpec, index: int) -> float:
-    """Give how long an input settles, s, where a sensor feels it at once; 0: none does."""
-    return spec.inputs[index].settling if any(index in item.direct_inputs for item in spec.outputs) else 0.0
+    """Give how long an input settles, s, where a sensor feels it at once; 0: none does.
+
+    One that lags does so within two samples: how late in its sample a fault of it came is not known.
+    """
+    late = _WITHIN * (spec.sample_time or 0.0) if spec.inputs[index].lag > 0.0 else 0.0
+    settling = spec.inputs[index].settling if any(index in item.direct_inputs for item in spec.outputs) else 0.0
+    return max(late, settling)
 
 
 def _sensor_faults(index: int, hypothesis: int) -> Iterator[SlotLane]:
@@ -257,6 +266,7 @@ def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:
     ones = (("obeys", len(spec.inputs)), ("reads", len(spec.outputs)), ("noise", len(spec.outputs)), ("moves", 1))
     for name, n in ones:
         roles[place[name] : place[name] + n] = 1.0
+    roles[place["fades"]] = 1.0 / lane.lag if lane.lag > 0.0 else 0.0
     if lane.parameter >= 0:
         roles[place["theta"] + lane.parameter] = float(lane.acts)
     if lane.input >= 0:

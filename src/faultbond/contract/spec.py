@@ -9,7 +9,7 @@ and its numbers are one column of an array of shape (n_numbers, n_lanes): z, the
 covariance P (row by row), the last solutions of implicit relations, and the log-likelihood.
 
 A *slot lane* (`EngineSpec.slotted`) has two more coordinates before the input noise, the size `d` of one more fault and
-its rate `r`, d' = d + r dt, and, before the likelihood, roles: constants that say on what d acts.
+its rate `r`, d' = r, r' = -fades_role * r, and, before the likelihood, roles: constants that say on what d acts.
 
     theta + theta_role * d        u * (obeys_role + input_gain_role * d) + input_role * d
     y = h * (reads_role + gain_role * d) + bias_role * d
@@ -74,6 +74,7 @@ class ParameterSpec:
     most: float = inf
     healthy_change: float = 0.0  # in factors; 0: not known
     settling: float = 0.0  # seconds, of inputs that a sensor feels at once which feels this at once, too; the longest
+    lag: float = 0.0  # time constant, s, of inputs that such a sensor would feel at once without it; the longest
 
     @property
     def healthy(self) -> float:
@@ -90,6 +91,7 @@ class InputSpec:
     settling: float  # seconds
     step: float  # a larger change from row to row is a step, if it is also
     step_part: float  # larger than this part of the largest value seen
+    lag: float = 0.0  # time constant, s, where a sensor would feel it at once without it
     suspect: bool = True
     unit: str = ""
     unit_factor: float = 1.0
@@ -387,9 +389,9 @@ class EngineSpec:
     def role_fields(self) -> dict[str, slice]:
         """Where the roles of the slot stand in a lane, by name.
 
-        theta, input, obeys, input_gain, reads, gain, bias, noise, moves, input_beside, bias_beside; ended, took: of a
-        ramp that has come to its end, when it did and after how long, s; returns: of a fault that comes and goes the
-        probability that it has been there and gone.
+        theta, input, obeys, input_gain, reads, gain, bias, noise, moves, input_beside, bias_beside; fades, 1/s; ended,
+        took: of a ramp that has come to its end, when it did and after how long, s; returns: of a fault that comes and
+        goes the probability that it has been there and gone.
         """
         n_y = len(self.outputs)
         sizes = {
@@ -402,6 +404,7 @@ class EngineSpec:
             "bias": n_y,
             "noise": n_y,
             "moves": 1,
+            "fades": 1,
             "input_beside": len(self.inputs),
             "bias_beside": n_y,
             "ended": 1,

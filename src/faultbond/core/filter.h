@@ -151,11 +151,18 @@ static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample
     }
 #if N_SLOT > 0
     const int size = AT_SLOT, rate = AT_SLOT + 1;
-    const lanes dt = SHARED(sample[SAMPLE_DT]) * lane[ROLE_MOVES];
+    lanes dt = SHARED(sample[SAMPLE_DT]) * lane[ROLE_MOVES], left = broadcast(1.0);
+    if (STEPS_LAG) { /* the rate fades meanwhile; dt: in what time it would have done as much, had it not */
+        const lanes fades = lane[ROLE_FADES];
+        left = v_exp(-dt * fades);
+        dt = choose(fades > 0.0, (1.0 - left) / choose(fades > 0.0, fades, left), dt);
+    }
     for (int i = 0; i < size; i++) p[PLACE(i, size)] += dt * p[PLACE(i, rate)];
     p[PLACE(size, size)] += dt * (2.0 * p[PLACE(size, rate)] + dt * p[PLACE(rate, rate)]);
     p[PLACE(size, rate)] += dt * p[PLACE(rate, rate)];
     lane[size] += dt * lane[rate];
+    for (int i = 0; i < N_JOINT && STEPS_LAG; i++) p[i < rate ? PLACE(i, rate) : PLACE(rate, i)] *= i == rate ? left * left : left;
+    lane[rate] *= left;
 #endif
     for (int k = 0; k < N_NOISY; k++) {
         const int i = AT_NOISE + k;

@@ -118,6 +118,7 @@ static void set_roles(int64_t k, double (*block)[GROUP], int l)
 {
     for (int64_t i = WIDE_ROLES; i < WIDE_LIKELIHOOD; i++) block[i][l] = 0.0;
     block[ROLE_MOVES][l] = 1.0;
+    block[ROLE_FADES][l] = SLOT_LAG[k] > 0.0 ? 1.0 / SLOT_LAG[k] : 0.0;
     for (int j = 0; j < N_OUTPUTS; j++) block[ROLE_READS + j][l] = block[ROLE_NOISE + j][l] = 1.0;
     for (int i = 0; i < N_INPUTS; i++) block[ROLE_OBEYS + i][l] = !(SLOT_STICKS[k] && SLOT_INPUT[k] == i);
     if (SLOT_PARAMETER[k] >= 0) block[ROLE_THETA + SLOT_PARAMETER[k]][l] = SLOT_ACTS[k];
@@ -180,7 +181,8 @@ static void begin_slot(int64_t k, const Trail *trail, const double *peak, const 
     double unit = 1.0, size;
     if (parameter >= 0 && HEALTHY[parameter] != 0.0) unit = start->healthy[AT_PARAMETERS + parameter];
     else if (input >= 0 && !SLOT_SCALES[k] && peak[input] != 0.0) unit = peak[input];
-    const double sd = SLOT_SIZE_SD[k] * unit, rate_sd = SLOT_RATE_SD[k] * unit / start->step;
+    const double per = SLOT_LAG[k] > 0.0 ? SLOT_LAG[k] : start->step; /* seconds that rates are stated for */
+    const double sd = SLOT_SIZE_SD[k] * unit, rate_sd = SLOT_RATE_SD[k] * unit / per;
     for (int64_t i = 0; i < WIDE_NUMBERS; i++) block[i][l] = from[i];
     set_roles(k, block, l);
     if (!SLOT_STICKS[k]) size = SLOT_SIZE[k] * unit;
@@ -188,7 +190,7 @@ static void begin_slot(int64_t k, const Trail *trail, const double *peak, const 
     else size = last_reading(trail, start->n_seen, output) / OUTPUT_NOISE[output];
     block[AT_SLOT][l] = size;
     block[WIDE_PLACE(AT_SLOT, AT_SLOT)][l] = sd * sd;
-    block[AT_SLOT + 1][l] = SLOT_RATE[k] * unit / start->step;
+    block[AT_SLOT + 1][l] = SLOT_RATE[k] * unit / per;
     block[WIDE_PLACE(AT_SLOT + 1, AT_SLOT + 1)][l] = rate_sd * rate_sd;
 }
 
@@ -313,10 +315,11 @@ static inline int is_for_couples(int64_t k)
    were it not begun again by itself, a needless second suspect would bring that. */
 static inline int is_renewed(int64_t k) { return is_for_couples(k) || SLOT_KIND[k] == KIND_STEP; }
 
-/* Whether they then begin at what was found: drifts of parameters and inputs, and biases and gains of inputs, which the plant
-   bends. All others begin as at first. */
+/* Whether they then begin at what was found: drifts of parameters and inputs, biases and gains of inputs, and steps that lag,
+   which the plant bends. All others begin as at first. */
 static inline int is_of_found(int64_t k)
 {
+    if (SLOT_LAG[k] > 0.0) return 1;
     return SLOT_OUTPUT[k] < 0 && (SLOT_KIND[k] == KIND_DRIFT || SLOT_KIND[k] == KIND_BIAS || SLOT_KIND[k] == KIND_GAIN);
 }
 
@@ -334,6 +337,8 @@ static void begin_slots(const int64_t *lane, double (*found)[FOUND], const Trail
         walk->variance[l] = 0.0;
         if (!found || !is_of_found(lane[l])) {
             begin_walk(lane[l], trail, onset, group, l, walk);
+        } else if (SLOT_LAG[lane[l]] > 0.0) {
+            group[AT_SLOT + 1][l] = (found[l][0] + found[l][1] * elapsed) / SLOT_LAG[lane[l]];
         } else {
             group[AT_SLOT][l] = found[l][0] - found[l][1] * elapsed;
             group[AT_SLOT + 1][l] = found[l][1];
@@ -593,7 +598,7 @@ static int64_t find_renewed(Bank *bank, Renewed *renewed)
         Renewed *group = &renewed[at];
         if (likelihood_of_slot(bank, lane) > likelihood_of_slot(bank, group->best)) group->best = lane;
         if (likelihood_of_slot(bank, lane) < likelihood_of_slot(bank, group->worst)) group->worst = lane;
-        if (!is_of_found(lane)) group->worst = group->spread = group->best;
+        if (!is_of_found(lane) || SLOT_KIND[lane] == KIND_STEP) group->worst = group->spread = group->best;
         else if (SLOT_KIND[lane] == KIND_DRIFT) group->spread = group->worst;
         else if (SLOT_SIZE_SD[lane] > SLOT_SIZE_SD[group->spread]) group->spread = lane;
     }

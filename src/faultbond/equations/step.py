@@ -63,7 +63,8 @@ class StepModel:
     scales: sizes of the parameters (n_parameters,), SI; v holds parameters as factors of them. noisy: inputs with an
     error in v. reference: state (n_states,) and implicit signals (n_implicit,), SI, of a nominal run, where the number
     of substeps was chosen. direct, of_parts: for each output the inputs that reach it without passing a state, and the
-    parameters that do. felt: as direct, and those with `settling` that reach it by no state but those of lags.
+    parameters that do. felt: as direct, and those with `settling` that reach it by no state but those of lags. lagged:
+    for each output those with a `lag` that reach it so.
     """
 
     plant: Plant
@@ -89,6 +90,7 @@ class StepModel:
     direct: tuple[tuple[int, ...], ...]
     of_parts: tuple[tuple[int, ...], ...]
     felt: tuple[tuple[int, ...], ...]
+    lagged: tuple[tuple[int, ...], ...]
 
     @property
     def follow(self) -> ca.Function:
@@ -138,6 +140,9 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
     measure = ca.Function("measure", arguments, [*readings_(v, plant.u, solved), solved], {"cse": True})
     start = _nominal_start(plant, coordinates, v.numel(), scales)
     direct = _at_once(readings, plant.u, plant.z, gap)
+    but_for_lags = _but_for_lags(plant, readings, rates_, x, gap)
+    settling = {k for k, item in enumerate(graph.inputs) if item.settling > 0.0}
+    lagging = {k for k, item in enumerate(graph.inputs) if item.lag}
     reference_x, reference_z, slopes = _reference(plant, rates, newton, start)
     substeps = _substeps(plant, slopes)
     return StepModel(
@@ -166,7 +171,8 @@ def build_step_model(plant: Plant, *, all_inputs: bool = False) -> StepModel:
         measure_is_linear=not ca.depends_on(readings_(*arguments)[1], ca.vertcat(v, plant.z)),
         direct=direct,
         of_parts=_at_once(readings, factors, plant.z, gap),
-        felt=_felt(plant, direct, readings, rates_, x, gap),
+        felt=tuple(tuple(sorted({*own, *(settling & late)})) for own, late in zip(direct, but_for_lags, strict=True)),
+        lagged=tuple(tuple(sorted(lagging & late)) for late in but_for_lags),
     )
 
 
@@ -343,25 +349,19 @@ def _passed_on(within: BoolArray) -> BoolArray:
     return np.asarray(follows[:, np.argsort(own)])
 
 
-def _felt(
-    plant: Plant, direct: tuple[tuple[int, ...], ...], readings: ca.SX, rates: ca.SX, x: ca.SX, gap: ca.SX
-) -> tuple[tuple[int, ...], ...]:
-    """For each output the inputs that reach it at once, and those with `settling` that would if nothing lagged.
-
-    Who states for how long after a step an input is not to be judged means it beside a lag, too.
-    """
+def _but_for_lags(plant: Plant, readings: ca.SX, rates: ca.SX, x: ca.SX, gap: ca.SX) -> tuple[frozenset[int], ...]:
+    """For each output the inputs that would reach it at once if nothing lagged, and do not."""
     lags = {k for k, store in enumerate(plant.network.states) if store.lag}
-    settling = {k for k, item in enumerate(plant.graph.inputs) if item.settling > 0.0}
-    if not lags or not settling:
-        return direct
+    if not lags or not plant.u.numel():
+        return (frozenset(),) * readings.numel()
     by_input, by_state = (_at_once(rates, what, plant.z, gap) for what in (plant.u, x))
     found = []
-    for own, states in zip(direct, _at_once(readings, x, plant.z, gap), strict=True):
+    for states in _at_once(readings, x, plant.z, gap):
         passed, reached = set[int](), lags & set(states)
         while reached:
             passed |= reached
             reached = (lags & {k for n in reached for k in by_state[n]}) - passed
-        found.append(tuple(sorted({*own, *(settling & {k for n in passed for k in by_input[n]})})))
+        found.append(frozenset(k for n in passed for k in by_input[n]))
     return tuple(found)
 
 

@@ -48,6 +48,7 @@ def plan_sizes(spec: EngineSpec) -> dict[str, int | str]:
         "N_SLOT_LANES": plan_slots(spec).n_lanes,
         "RAMPED": plan_slots(spec).ramped,
         "SWITCHED": plan_slots(spec).switched,
+        "STEPS_LAG": int(any(lane.lag > 0.0 for lane in plan_slots(spec).lanes)),
         "SAMPLE_TIME": literal(spec.sample_time or 0.0),
         "CUSUM_DRIFT": literal(settings.cusum_drift),
         "CUSUM_LIMIT": literal(settings.cusum_limit),
@@ -175,7 +176,7 @@ def _slot_tables(spec: EngineSpec) -> Iterable[str]:
     yield small_integers("SLOT_KIND", (kinds.index(item.kind) for item in lanes))
     for name in ("hypothesis", "parameter", "input", "output", "acts", "sticks", "scales", "old"):
         yield small_integers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
-    for name in ("size", "size_sd", "rate", "rate_sd", "settling", "noise", "weight"):
+    for name in ("size", "size_sd", "rate", "rate_sd", "settling", "lag", "noise", "weight"):
         yield numbers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
 
 

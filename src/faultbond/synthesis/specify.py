@@ -60,7 +60,7 @@ def build_spec(model: StepModel) -> EngineSpec:
         for error, limit in zip(graph.slow_errors, limits, strict=True)
     )
     conditions, stores = graph.conditions, plant.network.states
-    grid = graph.sample_time if graph.sample_time is not None else 1.0
+    grid, lags = graph.sample_time if graph.sample_time is not None else 1.0, _shown_lags(model)
     return EngineSpec(
         model=graph.name,
         model_sha256=graph.sha256,
@@ -68,10 +68,10 @@ def build_spec(model: StepModel) -> EngineSpec:
         sample_time=graph.sample_time,
         states=states,
         slow_errors=slow,
-        parameters=tuple(_parameter(item, _settling(model, k)) for k, item in enumerate(graph.parameters)),
+        parameters=tuple(_parameter(item, *_lateness(model, lags, k)) for k, item in enumerate(graph.parameters)),
         inputs=tuple(
-            _input(item, factor, acts=item.name in graph.acting_inputs)
-            for item, factor in zip(graph.inputs, factors_of_inputs(plant), strict=True)
+            _input(item, factor, lags.get(k, 0.0), acts=item.name in graph.acting_inputs)
+            for k, (item, factor) in enumerate(zip(graph.inputs, factors_of_inputs(plant), strict=True))
         ),
         outputs=tuple(_output(item, model.felt[k], conditions, stores) for k, item in enumerate(graph.sensors)),
         loops=tuple(float(value) for value in model.reference_implicit),
@@ -205,7 +205,7 @@ def _drifts(model: StepModel) -> FloatArray:
     return np.minimum(drifts, most)
 
 
-def _parameter(item: Parameter, settling: float) -> ParameterSpec:
+def _parameter(item: Parameter, settling: float, lag: float) -> ParameterSpec:
     size = abs(item.scale)
     lower, upper = least, most = sorted((item.lower / item.scale, item.upper / item.scale))
     healthy, reach = (0.0 if item.nominal == 0.0 else 1.0), _OUTSIDE * item.accuracy / size
@@ -232,14 +232,29 @@ def _parameter(item: Parameter, settling: float) -> ParameterSpec:
         most=most,
         healthy_change=item.healthy_change / size,
         settling=settling,
+        lag=lag,
     )
 
 
-def _settling(model: StepModel, parameter: int) -> float:
-    """Give how long an input settles of which a sensor tells at once, as it does of this parameter, s; 0: none does."""
-    inputs = model.plant.graph.inputs
-    felt = zip(model.felt, model.of_parts, strict=True)
-    return max((inputs[k].settling for known, parts in felt if parameter in parts for k in known), default=0.0)
+def _shown_lags(model: StepModel) -> dict[int, float]:
+    """Give the inputs that a sensor would feel at once if they did not lag, and their lags, s."""
+    graph = model.plant.graph
+    nominal = {item.name: item.nominal for item in graph.parameters}
+    return {k: nominal[graph.inputs[k].lag] for lagged in model.lagged for k in lagged}
+
+
+def _lateness(model: StepModel, lags: dict[int, float], parameter: int) -> tuple[float, float]:
+    """Give how long an input settles, and lags, of which a sensor tells as it does of this parameter, s; 0: none does.
+
+    Who states a lag of an input may know only that a sensor shows its moves late. What makes it late may be the plant,
+    or the sensor, and a change of the parameter shows as late.
+    """
+    inputs, settling, lag = model.plant.graph.inputs, 0.0, 0.0
+    for felt, lagged, parts in zip(model.felt, model.lagged, model.of_parts, strict=True):
+        if parameter in parts:
+            settling = max([settling, *(inputs[k].settling for k in felt)])
+            lag = max([lag, *(lags[k] for k in lagged)])
+    return settling, lag
 
 
 def _correlations(graph: BondGraph) -> tuple[tuple[int, int, float], ...]:
@@ -253,7 +268,7 @@ def _place(stated: Validity | None, conditions: tuple[Validity, ...]) -> int:
     return -1 if stated is None else conditions.index(stated)
 
 
-def _input(item: Input, factor: int, *, acts: bool) -> InputSpec:
+def _input(item: Input, factor: int, lag: float, *, acts: bool) -> InputSpec:
     """Give an input; one that no law names only says in which state the plant is, and may take any value."""
     percent = item.unit.text == "percent"
     noise = _STEP_NOISE * item.noise
@@ -263,6 +278,7 @@ def _input(item: Input, factor: int, *, acts: bool) -> InputSpec:
         settling=item.settling,
         step=max(100.0 * _STEP_PART if percent else 0.0, noise),
         step_part=0.0 if percent else _STEP_PART,
+        lag=lag,
         suspect=item.suspect,
         unit=item.unit.text,
         unit_factor=item.unit.factor,

@@ -1,6 +1,7 @@
 """What lanes with a slot have in it: kinds of fault, their starts and prior weights, and on what each acts."""
 
 from dataclasses import replace
+from math import hypot
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from faultbond.contract.lanes import starts_of
 from faultbond.contract.slots import (
     DRIFTING,
     FRESH,
+    GAIN,
     INPUT_KINDS,
     NOISES,
     OLD,
@@ -24,8 +26,13 @@ from faultbond.contract.slots import (
     plan_slots,
 )
 from faultbond.contract.spec import EngineSpec
+from faultbond.equations.plant import build_plant
+from faultbond.equations.step import build_step_model
+from faultbond.model.text import parse_model
+from faultbond.synthesis.specify import build_spec
 from faultbond.types import FaultKind
 from made import spec_of
+from plants import pumped_tank
 
 SPEC = spec_of("dc_motor_current")  # R L K J C; sensors omega, i; input V
 
@@ -61,10 +68,34 @@ def test_single_parameters_drift_or_come_and_go(name: str) -> None:
         slow = [lane for lane in own if lane.kind is FaultKind.STEP]
         assert len(drifts) + len(ramps) + len(pairs) + len(slow) == len(own)
         assert {lane.settling for lane in slow} == {spec.parameters[chosen[0]].settling} - {0.0}
+        assert not any(lane.lag for lane in own)
         assert sum(np.exp(lane.weight) for lane in slow) == pytest.approx(2.0 * np.exp(SHOWING) if slow else 0.0)
         assert len(ramps) == 1
         assert sum(np.exp(lane.weight) for lane in drifts) == pytest.approx(np.exp(DRIFTING))
         assert sum(np.exp(lane.weight) for lane in pairs if lane.acts) == pytest.approx(np.exp(SWITCHING))
+
+
+def test_what_lags_beside_an_input() -> None:
+    """Of the pumped tank the meter of the flow feels the pump as it does its speed; the level feels neither.
+
+    A step that lags is as likely as one at once, and comes to the same sizes.
+    """
+    graph = parse_model(pumped_tank(speed=", lag: 3 s"))
+    spec = build_spec(build_step_model(build_plant(graph)))
+    plan = plan_slots(spec)
+    late = [lane for lane in plan.lanes if lane.lag]
+    assert {(spec.parameters[lane.parameter].name, lane.kind) for lane in late} == {("K", FaultKind.STEP)}
+    assert {lane.lag for lane in late} == {3.0}
+    assert sum(np.exp(lane.weight) for lane in late) == pytest.approx(1.0)
+    usual = [hypot(lane.size_sd, lane.rate_sd) for lane in late]
+    assert usual == pytest.approx([GAIN, spec.parameters[late[0].parameter].change])
+    fades = role(spec, plan, "fades")[0]
+    assert fades == pytest.approx([1.0 / lane.lag if lane.lag else 0.0 for lane in plan.lanes])
+    onset = [lane for lane in plan.lanes if lane.input >= 0 and lane.settling]
+    assert {lane.settling for lane in onset} == {2.0 * (spec.sample_time or 0.0)}
+    assert {lane.kind for lane in onset} == {FaultKind.BIAS, FaultKind.GAIN, FaultKind.STUCK}
+    hidden = parse_model(pumped_tank(speed=", lag: 3 s", meter=", lag: 1 s"))  # the meter feels nothing at once
+    assert not any(lane.lag for lane in plan_slots(build_spec(build_step_model(build_plant(hidden)))).lanes)
 
 
 def is_gain_on_its_way(lane: SlotLane) -> bool:
