@@ -69,6 +69,38 @@ sensors:
 """
 
 
+def hot_motor(*, lag: str = "") -> str:
+    """Give a motor whose winding warms up, and resists more then; with more that is stated of its thermometer.
+
+    At 0 K, where a start that nobody states begins, its resistance is below zero.
+    """
+    return f"""\
+name: hot motor
+sample_time: 0.25 s
+accuracy: 5 %
+constants: {{alpha: 0.0039 1/K, cold: 20 degC}}
+inputs: {{voltage: {{unit: V}}, load: {{unit: N*m}}, t_amb: {{unit: degC}}}}
+components:
+  supply:  {{type: Se, law: e = voltage}}
+  winding: {{type: R, law: e = R*(1 + alpha*(copper.e - cold))*f, parameters: {{R: 0.5 ohm}}}}
+  motor:   {{type: GY, parameters: {{K: 1.2 V*s/rad}}}}
+  rotor:   {{type: I, parameters: {{J: 0.3 kg*m^2}}}}
+  bearing: {{type: R, parameters: {{b: 0.02 N*m*s/rad}}}}
+  driven:  {{type: Se, law: e = load}}
+  joule:   {{type: Sf, law: f = winding.e*winding.f}}
+  mass:    {{type: C, law: q = C*(e - cold), parameters: {{C: 4000 J/K}}}}
+  cooling: {{type: R, law: f = G*e, parameters: {{G: 4 W/K}}}}
+  ambient: {{type: Se, law: e = t_amb}}
+junctions: {{armature: 1, shaft: 1, copper: 0, loss: 1}}
+bonds: [supply -> armature -> winding, armature -> motor -> shaft -> rotor, shaft -> bearing, shaft -> driven,
+        joule -> copper -> mass, copper -> loss -> cooling, loss -> ambient]
+sensors:
+  i: {{reads: armature.f, unit: A, noise: 0.15 A}}
+  w: {{reads: shaft.f, unit: rad/s, noise: 0.25 rad/s}}
+  T: {{reads: copper.e, unit: degC, noise: 0.3 K{lag}}}
+"""
+
+
 def pumped_tank(*, speed: str = "", meter: str = "") -> str:
     """Give a tank that a pump fills, with more that is stated of its speed and of the meter of its flow."""
     return f"""\

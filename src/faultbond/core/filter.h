@@ -37,6 +37,11 @@ FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const given *FB_RESTRICT
 /* Let lanes follow a sample without taking it in: of z and the implicit signals alone. Gives innovations [N_OUTPUTS]. */
 FB_OF_FILTERS void filter_follow(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, lanes *FB_RESTRICT innovations,
                                  Filter *FB_RESTRICT work);
+
+/* What a relation leaves at the moment of a sample, and its slope by state i: of a sensor, number `relation`, what it reads
+   beyond what is expected; of a state, number relation - N_OUTPUTS, its rate. */
+FB_OF_FILTERS lanes left_of_relation(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, int relation, int i,
+                                     lanes *FB_RESTRICT slope);
 #endif
 
 /* Take samples [n_samples][N_SAMPLE] into lanes without a state; see `fb_advance_plain`. */
@@ -411,6 +416,29 @@ FB_OF_FILTERS void filter_follow(lanes *FB_RESTRICT lane, const double *FB_RESTR
     read_sensors(lane, lane, sample, lane + AT_IMPLICIT, innovations, slopes);
     for (int j = 0; j < N_OUTPUTS; j++) innovations[j] = sample[SAMPLE_Y + j] - innovations[j];
     for (int k = 0; k < N_PARAMETERS; k++) lane[AT_PARAMETERS + k] = clamp(lane[AT_PARAMETERS + k], LOWER[k], UPPER[k]);
+}
+
+FB_OF_FILTERS lanes left_of_relation(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, int relation, int i,
+                                     lanes *FB_RESTRICT slope)
+{
+    lanes v[N_V], implicit[FB_ROOM(N_IMPLICIT)], rates[FB_ROOM(N_STATES)], y[N_OUTPUTS], of_readings[FB_ROOM(N_READING_SLOPES)];
+    steep of_rates[FB_ROOM(N_RATE_SLOPES)];
+    const int state = relation - N_OUTPUTS;
+    *slope = broadcast(0.0);
+    for (int k = 0; k < N_IMPLICIT; k++) implicit[k] = lane[AT_IMPLICIT + k];
+    joint_to_model(lane, lane, sample + SAMPLE_U, v);
+    const double *FB_RESTRICT u = inputs_of(sample + SAMPLE_U, v);
+    solve_implicit(v, u, implicit);
+    if (state < 0) {
+        model_readings(v, u, implicit, y, of_readings);
+        for (int e = READING_ROW[relation]; e < READING_ROW[relation + 1]; e++)
+            if (READING_COLUMN[e] == i) *slope = -of_readings[e];
+        return sample[SAMPLE_Y + relation] - y[relation];
+    }
+    model_rates(v, u, implicit, rates, of_rates);
+    for (int e = RATE_ROW[state]; e < RATE_ROW[state + 1]; e++)
+        if (RATE_COLUMN[e] == i) *slope = WIDE(of_rates[e]);
+    return rates[state];
 }
 #endif
 

@@ -7,8 +7,8 @@
 #ifndef FB_START_H
 #define FB_START_H
 
-#include "advance.h"
 #include "given.h"
+#include "shown.h"
 
 FB_SELDOM
 
@@ -17,12 +17,14 @@ FB_SELDOM
 #define FIRST_READINGS (MOST_FIRST * N_OUTPUTS)
 #define N_UNKNOWN (AT_SLOT - N_STATES) /* slow errors and parameters */
 
-#define GUESSES 4            /* from which the start is sought */
+#define GUESSES 5            /* from which the start is sought */
+#define SHOWN 4              /* that of the first readings */
 #define START_ITERATIONS 12
 #define START_SECANTS 8
 #define DOUBLINGS 12         /* of the step, while the plant settles */
 #define ABSURD_STATE 1e12
 #define FAR_SETTLED 1e3      /* sizes of a state that a settled value may lie off; the plant reached none farther off */
+#define FAR_SHOWN 100.0      /* sizes of a state that it may be shown off, where these are to be believed */
 #define PART_OF_SD 0.1       /* of what a parameter may be off, over which slopes are taken */
 #define PART_OF_SIZE 1e-6    /* of a state, alike */
 #define RUN_AWAY 1e6         /* misfit, sd of the noise, of a plant that has run away */
@@ -60,6 +62,7 @@ typedef struct {
     int n_free, free[FB_ROOM(N_STATES)];      /* states that are not known exactly, */
     double centre[FB_ROOM(N_STATES)], size[FB_ROOM(N_STATES)]; /* what is known of all beforehand, mean and sd */
     double from[FB_ROOM(N_STATES)];           /* where laws have values: the stated means, if they have there */
+    double shown[FB_ROOM(N_STATES)];          /* what the first readings show, begun there */
     Guess guesses[GUESSES];
     double rows[FB_ROOM(N_STATES)][FIRST_READINGS + 2 * N_STATES]; /* reflections, see `triangularise` */
     double diagonal[FB_ROOM(N_STATES)];
@@ -268,7 +271,8 @@ static int follow_secants(const int *unknown, int n, double total, const double 
    that size, not by slopes: at rest the slope of a turbulent flow says nothing about the plant in use. Begun where laws have
    values, there and nearby: as stated, else where the plant settles, else where the readings are nearest. Between equal
    pressures a flow has no slope: there a plant may have values where it begins and nowhere else. */
-static void find_sizes(double (*samples)[N_SAMPLE], const int *unknown, int n, SolveMemory *memory)
+static void find_sizes(double (*samples)[N_SAMPLE], const int *unknown, int n, const double *const *footings, int n_footings,
+                       SolveMemory *memory)
 {
     double *base = memory->guesses[0].misfit, *size = memory->size, squares = 0.0, effect[FB_ROOM(N_STATES)];
     for (int64_t t = 0; t < memory->count; t++)
@@ -276,10 +280,10 @@ static void find_sizes(double (*samples)[N_SAMPLE], const int *unknown, int n, S
             const double measured = samples[t][SAMPLE_Y + j] * samples[t][SAMPLE_USE + j] / OUTPUT_NOISE[j];
             squares += measured * measured;
         }
-    const double total = sqrt(squares) + sqrt((double)memory->n_readings), *const footings[] = {START_MEAN, memory->centre, memory->centre};
-    for (int k = 0; k < 3; k++) {
-        memcpy(memory->from, footings[k], sizeof memory->from);
-        if (k == 2) find_decade(unknown, n, base, memory);
+    const double total = sqrt(squares) + sqrt((double)memory->n_readings);
+    for (int k = 0; k <= n_footings; k++) {
+        memcpy(memory->from, k < n_footings ? footings[k] : memory->centre, sizeof memory->from);
+        if (k == n_footings) find_decade(unknown, n, base, memory);
         else if (!has_values(base, memory)) continue;
         if (follow_secants(unknown, n, total, base, effect, memory)) break;
     }
@@ -403,14 +407,15 @@ static double cost_of(const double *state, const double *misfit, const SolveMemo
     return sum_of_squares(misfit, memory->n_readings) + away;
 }
 
-/* Begin all guesses: settled, where laws have values, and away from zero on the positive side. */
+/* Begin all guesses: settled, where laws have values, away from zero on the positive side, and as the first readings show. */
 static void begin_guesses(SolveMemory *memory)
 {
-    static const double parts[] = {0.0, 0.0, 0.3, 1.0};
+    static const double parts[] = {0.0, 0.0, 0.3, 1.0, 0.0};
     for (int g = 0; g < GUESSES; g++) {
         Guess *guess = &memory->guesses[g];
-        memcpy(guess->state, g == 0 ? memory->centre : g == 1 ? memory->from : START_MEAN, sizeof guess->state);
-        for (int c = 0; g > 0 && c < memory->n_free; c++)
+        const double *const at = g == 0 ? memory->centre : g == 1 ? memory->from : g == SHOWN ? memory->shown : START_MEAN;
+        memcpy(guess->state, at, sizeof guess->state);
+        for (int c = 0; parts[g] > 0.0 && c < memory->n_free; c++)
             guess->state[memory->free[c]] += parts[g] * memory->size[memory->free[c]] / REACH_OF_STATE;
         guess->damping = 1e-3;
         guess->moved = 1;
@@ -521,12 +526,33 @@ static double lag_behind(double (*samples)[N_SAMPLE], int64_t count, int k)
     return PART_OF_INPUT * largest + INPUT_STEP[k];
 }
 
+/* Find what the first readings show, from where laws have values. Gives whether a state is shown far from where it was thought to
+   be: then the plant is in use far from where its sizes were taken. */
+static int is_shown_far(double (*samples)[N_SAMPLE], SolveMemory *memory)
+{
+    unsigned char known[FB_ROOM(N_STATES)];
+    lanes *lane = memory->filter->lane;
+    memcpy(memory->shown, memory->from, sizeof memory->shown);
+    for (int i = 0; i < N_STATES; i++) {
+        known[i] = START_INPUT[i] >= 0 || !(memory->size[i] > 0.0);
+        if (known[i]) memory->shown[i] = memory->centre[i];
+    }
+    for (int k = 0; k < PLAIN_NUMBERS; k++) lane[k] = broadcast(memory->sure[k]);
+    find_all_shown(samples, memory->count, known, memory->shown, lane);
+    for (int c = 0; c < memory->n_free; c++) {
+        const int i = memory->free[c];
+        if (fabs(memory->shown[i] - memory->centre[i]) > FAR_SHOWN * memory->size[i]) return 1;
+    }
+    return 0;
+}
+
 /* What is known of the states beforehand: stated, or settled and of a size that the readings suggest. Sets
    `centre`, `size` and `free`; what is stated may be off too, and would put the others off, so only what is exact
    stays. What lags behind an input is about where that is. */
 static void know_beforehand(double (*samples)[N_SAMPLE], const double *sd, const int *unknown, int n_unknown,
                             SolveMemory *memory)
 {
+    const double *const footings[] = {START_MEAN, memory->centre}, *const seen = memory->shown;
     double settled[FB_ROOM(N_STATES)];
     settle(memory, settled);
     for (int i = 0; i < N_STATES; i++) {
@@ -534,7 +560,7 @@ static void know_beforehand(double (*samples)[N_SAMPLE], const double *sd, const
         memory->size[i] = sd[i];
     }
     for (int c = 0; c < n_unknown; c++) memory->centre[unknown[c]] = settled[unknown[c]];
-    find_sizes(samples, unknown, n_unknown, memory);
+    find_sizes(samples, unknown, n_unknown, footings, 2, memory);
     memory->n_free = 0;
     for (int i = 0; i < N_STATES; i++) {
         const int k = START_INPUT[i];
@@ -543,6 +569,9 @@ static void know_beforehand(double (*samples)[N_SAMPLE], const double *sd, const
         if (k < 0 && fabs(memory->centre[i] - START_MEAN[i]) > FAR_SETTLED * memory->size[i]) memory->centre[i] = START_MEAN[i];
         if (memory->size[i] > 0.0) memory->free[memory->n_free++] = i;
     }
+    if (!is_shown_far(samples, memory)) return;
+    for (int c = 0; c < n_unknown; c++) memory->centre[unknown[c]] = seen[unknown[c]];
+    find_sizes(samples, unknown, n_unknown, &seen, 1, memory);
 }
 
 /* Solve the start: the states before the first of the packed samples, SI, and the covariance [AT_SLOT][AT_SLOT] of

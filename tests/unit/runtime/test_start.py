@@ -17,7 +17,7 @@ from faultbond.runtime.core import Core
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.engine import build_core, build_engine
 from made import TANK_START, graph_of, plant, recorded, run, samples_of, spec_of
-from plants import TWO_STORES
+from plants import TWO_STORES, hot_motor
 
 START_SAMPLES = int(core_settings()["START_SAMPLES"])
 MOTOR = {"L.p": 2.5 * 1.5, "J.p": 1.5 * -2.0}  # 1.5 A, -2 rad/s
@@ -50,6 +50,28 @@ def started(name: str, start: dict[str, float], seed: int) -> tuple[Core, FloatA
     dt = graph.sample_time or 1.0
     samples = [Sample(time=t, dt=dt, u=u, y=y) for t, u, y in zip(time, made.inputs, made.outputs, strict=True)]
     return core, packed(spec, tuple(samples))
+
+
+@pytest.mark.parametrize("lag", ["", ", lag: 2 s"])
+@pytest.mark.parametrize("voltage", [20.0, 135.0, 200.0])
+def test_a_start_is_found_where_the_plant_runs_away_from_nothing(voltage: float, lag: str) -> None:
+    """A winding at 0 K has a resistance below zero: the readings show where the motor is, one after the other.
+
+    A thermometer that lags shows what it follows as if it were at rest.
+    """
+    graph = parse_model(hot_motor(lag=lag))
+    spec, core = build_engine(graph)
+    time = np.asarray(np.arange(START_SAMPLES) * 0.25, dtype=np.float64)
+    speed, load, warm = voltage / 1.4, 10.0, 40.0
+    values = np.tile([voltage, load, 290.0], (len(time), 1))
+    lagged = {"T.lagged": 293.15 + warm} if lag else {}
+    start = {"rotor.p": 0.3 * speed, "mass.q": 4000.0 * warm} | lagged
+    made = simulate(graph, Inputs(time=time, values=values), seed=4, start=start)
+    mean, covariance = solved(core, packed(spec, samples_of(time, made.inputs, made.outputs)))
+    true = [speed, 293.15 + warm, *lagged.values()]
+    sds = np.sqrt(np.diag(covariance))
+    assert np.abs(mean - true) == pytest.approx(0.0, abs=3.0)
+    assert np.all(np.abs(mean - true) < 3.0 * sds)
 
 
 @cache

@@ -1,0 +1,100 @@
+/* The states as the first readings show them, one after the other: a guess from which the start is sought.
+
+   A sensor of which one state alone is not known shows that; and a state that is known shows, as it were at rest, the one that
+   it follows. No step in time is made, so no plant can run away: one whose winding begins at 0 K, with a resistance below zero,
+   is beyond all measure after a second. */
+#ifndef FB_SHOWN_H
+#define FB_SHOWN_H
+
+#include "advance.h"
+
+FB_SELDOM
+
+#define SHOWN_STEPS 30    /* of Newton's method for one state, */
+#define SHOWN_CLOSE 1e-6  /* the last of which is at most this part of it */
+
+/* What is known while states are found. */
+typedef struct {
+    double (*samples)[N_SAMPLE];
+    int64_t count;
+    double *state;
+    unsigned char is_known[FB_ROOM(N_STATES)];
+} Shown;
+
+/* The only state among columns of v that is not known; -1: none, or more than one. */
+static int only_unknown(const Shown *shown, const int *columns, int n)
+{
+    int found = -1;
+    for (int e = 0; e < n; e++) {
+        if (columns[e] >= N_STATES || shown->is_known[columns[e]]) continue;
+        if (found >= 0) return -1;
+        found = columns[e];
+    }
+    return found;
+}
+
+/* Of the first three samples that a sensor has a value in, that with the middle one, since one may be wild; the first of two;
+   -1: there is none. */
+static int64_t first_reading(const Shown *shown, int j)
+{
+    int64_t first[3];
+    int n = 0;
+    for (int64_t t = 0; t < shown->count && n < 3; t++)
+        if (shown->samples[t][SAMPLE_USE + j] > 0.0 && shown->samples[t][SAMPLE_SCALE + j] < BLANK_FACTOR) first[n++] = t;
+    if (n < 3) return n > 0 ? first[0] : -1;
+    for (int k = 0; k < 2; k++) {
+        const double own = shown->samples[first[k]][SAMPLE_Y + j], one = shown->samples[first[(k + 1) % 3]][SAMPLE_Y + j];
+        const double other = shown->samples[first[(k + 2) % 3]][SAMPLE_Y + j];
+        if ((own - one) * (own - other) <= 0.0) return first[k];
+    }
+    return first[2];
+}
+
+/* Find state i by a relation in which all others are known, by Newton's method; gives whether that comes to an end. */
+static int find_shown(Shown *shown, int relation, const double *sample, int i, lanes *lane)
+{
+    double value = shown->state[i];
+    for (int k = 0; k < N_STATES; k++) lane[k] = broadcast(shown->state[k]);
+    for (int step = 0; step < SHOWN_STEPS; step++) {
+        lanes slope;
+        lane[i] = broadcast(value);
+        const double left = first_of(left_of_relation_plain(lane, sample, relation, i, &slope)), move = -left / first_of(slope);
+        if (!isfinite(move)) return 0;
+        value += move;
+        if (!(fabs(move) > SHOWN_CLOSE * fabs(value))) {
+            shown->state[i] = value;
+            return 1;
+        }
+    }
+    return 0;
+}
+
+/* Find one more state, by a sensor before what only rests; gives whether there was one. */
+static int find_next(Shown *shown, lanes *lane)
+{
+    for (int relation = 0; relation < N_OUTPUTS + N_STATES; relation++) {
+        const int state = relation - N_OUTPUTS, reads = state < 0;
+        const int64_t at = reads ? first_reading(shown, relation) : 0;
+        if (at < 0 || (!reads && !shown->is_known[state])) continue;
+        const int *columns = reads ? READING_COLUMN + READING_ROW[relation] : RATE_COLUMN + RATE_ROW[state];
+        const int n = reads ? READING_ROW[relation + 1] - READING_ROW[relation] : RATE_ROW[state + 1] - RATE_ROW[state];
+        const int i = only_unknown(shown, columns, n);
+        if (i < 0 || !find_shown(shown, relation, shown->samples[at], i, lane)) continue;
+        shown->is_known[i] = 1;
+        return 1;
+    }
+    return 0;
+}
+
+/* Set those states that the first samples show. known: [N_STATES], 1 where a state is known beforehand. lane: where the plant
+   begins, apart from its states, which are free to use. */
+static void find_all_shown(double (*samples)[N_SAMPLE], int64_t count, const unsigned char *known, double *state, lanes *lane)
+{
+    Shown shown = {samples, count, state, {0}};
+    memcpy(shown.is_known, known, N_STATES);
+    while (find_next(&shown, lane)) {}
+}
+
+FB_OFTEN
+
+#endif
