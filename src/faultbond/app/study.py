@@ -33,7 +33,7 @@ from faultbond.diagnosability.overdetermined import minimal_sets, minimal_suppor
 from faultbond.diagnosability.placement import sensors_to_isolate
 from faultbond.diagnosability.structural import StructuralModel, structural_model
 from faultbond.equations.component_network import ComponentNetwork
-from faultbond.equations.step import StepModel
+from faultbond.equations.step import StepModel, is_guessed
 from faultbond.errors import ModelError, RecordingError, StructureError
 from faultbond.fit.samples import judged_parts
 from faultbond.io.grid import Grid, GridPoint, on_grid
@@ -257,8 +257,16 @@ def _smallest(study: _Study, wishes: Wishes, view: CapabilityView) -> Section:
         raise StructureError(str(error)) from error
     return Section(
         record=analysis.smallest_record(found),
-        show=lambda console: analysis.print_smallest(console, study.graph, found),
+        show=lambda console: analysis.print_smallest(console, study.graph, found, _guessed(study)),
     )
+
+
+def _guessed(study: _Study) -> dict[str, float]:
+    """Give about where inputs are taken to be of which nobody says anything, SI, by name; none beside a recording."""
+    if study.points:
+        return {}
+    levels = zip(study.graph.inputs, reference_levels(study.model).tolist(), strict=True)
+    return {item.name: level for item, level in levels if is_guessed(item)}
 
 
 def _hidden(study: _Study, view: CapabilityView) -> dict[str, str]:

@@ -368,17 +368,24 @@ def _but_for_lags(plant: Plant, readings: ca.SX, rates: ca.SX, x: ca.SX, gap: ca
 def reference_inputs(plant: Plant) -> FloatArray:
     """Inputs of the nominal run (n_inputs,), SI: where they were in the recordings of a fit, at three quarters.
 
-    In the middle of a range that goes both ways nothing moves. Where it is not known: half range for percent, else one
-    unit of the model file.
+    In the middle of a range that goes both ways nothing moves. Where that is not known: three quarters of what they can
+    be; else half range for percent, and one unit of the model file.
     """
     return np.array([_usual_input(item) for item in plant.graph.inputs])
 
 
+def is_guessed(item: Input) -> bool:
+    """Tell whether nothing says about where an input usually is."""
+    return item.fitted_range is None and not np.isfinite([item.lower, item.upper]).all() and item.unit.text != "percent"
+
+
 def _usual_input(item: Input) -> float:
-    if item.fitted_range is not None:
-        lower, upper = item.fitted_range
-        return lower + _UP * (upper - lower)
-    return 50.0 if item.unit.text == "percent" else item.unit.to_si(1.0)
+    if is_guessed(item):
+        return item.unit.to_si(1.0)
+    if item.fitted_range is None and item.unit.text == "percent":
+        return 50.0
+    lower, upper = item.fitted_range or (item.lower, item.upper)
+    return lower + _UP * (upper - lower)
 
 
 def _reference(

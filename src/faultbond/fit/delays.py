@@ -70,13 +70,13 @@ def _ways(item: Input | Sensor) -> list[Imperfection]:
 def _limits(graph: BondGraph, records: Sequence[HealthyRecording]) -> Iterator[Imperfection]:
     """Give the highest rates of inputs that are commands, each as large as the largest move from row to row.
 
-    What is off by a noise is measured, and no command. A long way at such a rate goes with changes of the command long
-    ago, so those of a few rows hardly tell; what comes behind elsewhere may be it.
+    What is off by a noise, or goes linearly, is measured, and no command. A long way at such a rate goes with changes
+    of the command long ago, so those of a few rows hardly tell; what comes behind elsewhere may be it.
     """
     for k, item in enumerate(graph.inputs):
         rates = [np.abs(np.diff(record.u[:, k])) / np.diff(record.time) for record in records]
         most = max(float(np.max(rate, initial=0.0)) for rate in rates)
-        if not item.rate_limit and item.noise == 0.0 and most > 0.0:
+        if not (item.rate_limit or item.linear or item.noise) and most > 0.0:
             yield Imperfection(kind=Kind.RATE_LIMIT, place=item.name, size=most)
 
 

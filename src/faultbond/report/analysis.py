@@ -252,8 +252,13 @@ def smallest_record(found: Sequence[SmallestFault]) -> Record:
     }
 
 
-def print_smallest(console: Console, graph: BondGraph, found: Sequence[SmallestFault]) -> None:
-    """Print the smallest fault of each parameter that is found in time."""
+def print_smallest(
+    console: Console, graph: BondGraph, found: Sequence[SmallestFault], guessed: Mapping[str, float]
+) -> None:
+    """Print the smallest fault of each parameter that is found in time.
+
+    guessed : about where inputs are taken to be of which nobody says anything, SI, by name
+    """
     if not found:
         return
     within = f"within {duration_text(found[0].within)}, in {100 * found[0].certainty:.0f} of 100 cases"
@@ -270,11 +275,20 @@ def print_smallest(console: Console, graph: BondGraph, found: Sequence[SmallestF
         rows.append((item.parameter, change, unit_text(unit.text), part, effects, ", ".join(item.alike)))
     header = ("parameter", "change", "unit", "of nominal", "largest effect, in noise sd", "then alike")
     table(console, header, rows)
-    told = heat_lines(graph, [item.parameter for item in found])
+    told = guess_lines(graph, guessed) + heat_lines(graph, [item.parameter for item in found])
     if not graph.slow_errors and not any(item.healthy_change for item in graph.parameters):
         exact = "of a plant that is as the model says. What a first model leaves out hides more: `fit --until-quiet`"
         told.append(("these are", exact))
     lines(console, told)
+
+
+def guess_lines(graph: BondGraph, guessed: Mapping[str, float]) -> list[tuple[str, str]]:
+    """Say about where inputs are taken to be of which nobody says anything."""
+    if not guessed:
+        return []
+    units = {item.name: item.unit for item in graph.inputs}
+    levels = [f"{name} about {with_unit(units[name].from_si(x), units[name].text)}" for name, x in guessed.items()]
+    return [("inputs", f"{join(levels)}, since nobody says where: give `--data REC`, or their `range` in the model")]
 
 
 def heat_lines(graph: BondGraph, names: Collection[str]) -> list[tuple[str, str]]:

@@ -9,7 +9,15 @@ from scipy.integrate import solve_ivp
 
 from faultbond.arrays import FloatArray
 from faultbond.equations.plant import build_plant
-from faultbond.equations.step import MAX_SUBSTEPS, StepModel, _passed_on, build_step_model, reference_inputs
+from faultbond.equations.step import (
+    MAX_SUBSTEPS,
+    StepModel,
+    _passed_on,
+    _usual_input,
+    build_step_model,
+    is_guessed,
+    reference_inputs,
+)
 from faultbond.errors import StructureError
 from faultbond.model.text import load_model, parse_model
 
@@ -229,6 +237,24 @@ def parameters_of(model: StepModel) -> tuple[int, int]:
     """The places of the parameters in v, first and after the last."""
     first = len(model.states) + model.plant.b.numel()
     return first, first + model.plant.theta.numel()
+
+
+def test_where_inputs_are_taken_to_be() -> None:
+    """At three quarters of where they were, else of what they can be; half of a percentage; else at one unit."""
+    stated = {
+        "a": "unit: V, range: [-10 V, 30 V]",
+        "b": "unit: V, range: [0 V, 30 V], fitted_range: [4 V, 8 V]",
+        "c": "unit: percent",
+        "d": "unit: kPa, range: [0 kPa, inf]",
+    }
+    graph = parse_model(
+        "name: net\nsample_time: none\ninputs: {"
+        + ", ".join(f"{name}: {{{text}}}" for name, text in stated.items())
+        + "}\nblocks: {sum: {law: x = a + b + P*c + Q*d, parameters: {P: 1 V/percent, Q: 1 V/kPa}}}\n"
+        "sensors: {y: {reads: x}}\n"
+    )
+    assert [_usual_input(item) for item in graph.inputs] == pytest.approx([20.0, 7.0, 50.0, 1000.0])
+    assert [is_guessed(item) for item in graph.inputs] == [False, False, False, True]
 
 
 def test_slopes_by_parameters_do_not_hold_the_slow_errors() -> None:

@@ -257,7 +257,7 @@ def test_commands_may_have_a_highest_rate() -> None:
     limit = (Kind.RATE_LIMIT, "V", 6.0)
     assert limit in proposed(MODEL, [0.0] * 10 + [3.0] * 10)
     assert limit[0] not in {kind for kind, *_ in proposed(MODEL, [3.0] * 20)}
-    for stated in ("noise: 0.1 V", "noise: 0.1 V, noise_of: record"):
+    for stated in ("noise: 0.1 V", "noise: 0.1 V, noise_of: record", "hold: linear"):
         measured = MODEL.replace("{unit: V}", f"{{unit: V, {stated}}}")
         assert limit not in proposed(measured, [0.0] * 10 + [3.0] * 10)
     stated = MODEL.replace("{unit: V}", "{unit: V, lag: 1 s, rate_limit: 2 V/s}")

@@ -227,19 +227,20 @@ def test_effects_that_rounding_leaves_are_none() -> None:
         )
 
     found = [fault("a0", 0.5), fault("a1", None, "too small"), fault("a2", None, NO_TIME)]
-    text = printed(lambda console: print_smallest(console, plant(3), found))
+    text = printed(lambda console: print_smallest(console, plant(3), found, {"u": 1.0}))
     assert "within 60 s, in 95 of 100 cases" in text
     assert "a0 0.5 50 % y 2.5, z 0" in text
     assert "a1 not found too small" in text
     assert f"a2 not looked for {NO_TIME}" in text
     assert "these are of a plant that is as the model says" in text
+    assert "inputs u about 1, since nobody says where: give `--data REC`" in text
     imperfect = replace(plant(3), slow_errors=(SlowError(target="y", sd=1.0, relative=False, memory=1.0),))
-    assert "these are" not in printed(lambda console: print_smallest(console, imperfect, found))
+    assert "these are" not in printed(lambda console: print_smallest(console, imperfect, found, {}))
 
 
 def test_nothing_is_said_of_smallest_faults_without_any() -> None:
     """A plant of which no fault was tried gets no heading."""
-    assert printed(lambda console: print_smallest(console, plant(1), [])) == ""
+    assert printed(lambda console: print_smallest(console, plant(1), [], {})) == ""
 
 
 def test_of_heat_capacities_it_is_told_what_a_smallest_fault_is() -> None:
