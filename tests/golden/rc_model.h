@@ -18,6 +18,8 @@
 #define N_RATE_SLOPES 4
 #define N_READING_SLOPES 2
 #define SUBSTEPS 1
+#define AHEAD 300
+#define N_AHEAD 30
 #define RATES_ARE_LINEAR 0
 #define READINGS_ARE_LINEAR 0
 #define KIND_STEP 0
@@ -77,7 +79,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x519fe993ac10ddcfULL, 0xd979e03be966ca75ULL, 0x60f2a76d2de18b5cULL, 0x732136b76cf284c4ULL};
+static const uint64_t MODEL_HASH[] = {0x44de9933f62478c9ULL, 0x290d59670e00cfe9ULL, 0x59e4dd5da164b52aULL, 0x1ccf7040cc470e2fULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -263,6 +265,8 @@ static const int INPUT_PERCENT[] = {0};
 static const double INPUT_FITTED_LOW[] = {(-INFINITY)};
 static const double INPUT_FITTED_HIGH[] = {INFINITY};
 static const int INPUT_HAS_ZERO[] = {1};
+static const int8_t AHEAD_LENGTH[] = {10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10,
+    10, 10, 10, 10, 10, 10, 10, 10, 10, 10};
 
 static inline int model_holds(int condition, const double *FB_RESTRICT u)
 {

@@ -17,7 +17,6 @@
 
 FB_SELDOM
 
-#define AHEAD 300         /* samples for which candidates are predicted under a move */
 #define LEAST_LIKELY 0.01 /* probability below which a candidate is left out */
 #define APART 1.5         /* standard deviations by which what is expected has to differ */
 #define ENDLESS_APART 1e6 /* as which a difference counts that has no end */
@@ -83,15 +82,15 @@ static void take_lanes(const Bank *bank, const Diagnosis *found, Rivals *rivals)
 /* The inputs of now; where the model does not hold, the last for which it did. */
 static const double *inputs_now(const State *state) { return state->clock.outside ? state->inputs.inside : state->inputs.held; }
 
-/* A sample without measurements while inputs that are `now` are `held`, number `t` from now; what settles first is not
-   counted. */
-static void pack_ahead(const double *now, const double *held, int64_t t, double *packed)
+/* A sample without measurements while inputs that are `now` are `held`, `length` samples after the one before, and the last of
+   `t` from now on; what settles first is not counted. */
+static void pack_ahead(const double *now, const double *held, int64_t t, int64_t length, double *packed)
 {
     memset(packed, 0, N_SAMPLE * sizeof *packed);
-    packed[SAMPLE_DT] = step_ahead();
+    packed[SAMPLE_DT] = (double)length * step_ahead();
     packed[SAMPLE_AGAIN] = 1.0;
     for (int k = 0; k < N_INPUTS; k++) {
-        packed[SAMPLE_U_BEFORE + k] = t == 0 ? now[k] : held[k];
+        packed[SAMPLE_U_BEFORE + k] = t == length ? now[k] : held[k];
         packed[SAMPLE_U + k] = held[k];
     }
     for (int k = 0; k < N_NOISY; k++) packed[SAMPLE_FRESH + k] = INPUT_VARIANCE[k];
@@ -104,7 +103,7 @@ static void pack_ahead(const double *now, const double *held, int64_t t, double 
         for (int e = DIRECT_ROW[j]; e < DIRECT_ROW[j + 1]; e++)
             if (held[DIRECT_INPUT[e]] != now[DIRECT_INPUT[e]])
                 blank = larger(blank, INPUT_SETTLING[DIRECT_INPUT[e]]);
-        packed[SAMPLE_SCALE + j] = (double)t < ceil(blank / step_ahead()) ? BLANK_FACTOR : 1.0;
+        packed[SAMPLE_SCALE + j] = (double)t <= ceil(blank / step_ahead()) ? BLANK_FACTOR : 1.0;
     }
 }
 
@@ -127,9 +126,9 @@ static double told_by(const Rivals *rivals, int64_t r, int64_t k)
     return rivals->told[rivals->is_wide[r]][rivals->at[r] / GROUP][k][rivals->at[r] % GROUP];
 }
 
-/* Add how far two rivals are apart at the last sample. A prediction's own uncertainty is what its variance is beyond the
+/* Add how far two rivals are apart at the last sample, which stands for so many. A prediction's own uncertainty is what its variance is beyond the
    noise; what is no number counts as nothing, or as wholly uncertain. */
-static void add_apart(int64_t r, int64_t other, Rivals *rivals)
+static void add_apart(int64_t r, int64_t other, double count, Rivals *rivals)
 {
     for (int j = 0; j < N_OUTPUTS; j++) {
         const double noise = OUTPUT_VARIANCE[j] * rivals->sample[SAMPLE_SCALE + j];
@@ -137,8 +136,8 @@ static void add_apart(int64_t r, int64_t other, Rivals *rivals)
         const double variance = told_by(rivals, r, N_OUTPUTS + j) + told_by(rivals, other, N_OUTPUTS + j);
         const double own = variance / noise - 2.0; /* each of both has the noise */
         const double scaled = isnan(apart) ? 0.0 : isinf(apart) ? ENDLESS_APART : apart;
-        rivals->squares[r][other] += scaled * scaled;
-        rivals->along[r][other] += scaled * (isnan(own) || own == INFINITY ? ENDLESS_APART : root_of(own));
+        rivals->squares[r][other] += count * scaled * scaled;
+        rivals->along[r][other] += count * scaled * (isnan(own) || own == INFINITY ? ENDLESS_APART : root_of(own));
     }
 }
 
@@ -167,17 +166,20 @@ static int64_t part_rivals(const Rivals *rivals, int64_t *group)
     return n;
 }
 
-/* Part the rivals in those that readings would not tell apart while inputs are held. */
+/* Part the rivals in those that readings would not tell apart while inputs are held. Steps become longer once what a move does at
+   first has died away. */
 static int64_t part_ahead(const State *state, const Diagnosis *found, int64_t *group, Rivals *rivals, Filters *filters)
 {
     take_lanes(&state->bank, found, rivals);
     memset(rivals->squares, 0, sizeof rivals->squares);
     memset(rivals->along, 0, sizeof rivals->along);
-    for (int64_t t = 0; t < AHEAD; t++) {
-        pack_ahead(inputs_now(state), rivals->held, t, rivals->sample);
+    int64_t passed = 0;
+    for (int step = 0; step < N_AHEAD; step++) {
+        passed += AHEAD_LENGTH[step];
+        pack_ahead(inputs_now(state), rivals->held, passed, AHEAD_LENGTH[step], rivals->sample);
         advance_rivals(&state->normal, rivals, filters);
         for (int64_t r = 0; r < rivals->n; r++)
-            for (int64_t other = 0; other < r; other++) add_apart(r, other, rivals);
+            for (int64_t other = 0; other < r; other++) add_apart(r, other, (double)AHEAD_LENGTH[step], rivals);
     }
     for (int64_t r = 0; r < rivals->n; r++)
         for (int64_t other = 0; other < r; other++)
@@ -270,7 +272,16 @@ static int values_of(const Inputs *inputs, double now, int k, double *values)
     return n;
 }
 
-/* Moving an input lets candidates go apart that agree now. Of its moves the nearest is advised that tells most, to 0.01. */
+/* The most that a check can tell, bits: which candidate is right. */
+static double most_told(const Rivals *rivals)
+{
+    int64_t alone[MOST_RIVALS];
+    for (int64_t r = 0; r < rivals->n; r++) alone[r] = r;
+    return entropy(rivals, alone, rivals->n);
+}
+
+/* Moving an input lets candidates go apart that agree now. Of its moves the nearest is advised that tells most, to 0.01; where
+   waiting, or a move, tells all that there is to tell, no other is asked. */
 static void find_moves(const State *state, const Diagnosis *found, Rivals *rivals, Filters *filters, Advice *advice)
 {
     int64_t group[MOST_RIVALS];
@@ -278,12 +289,12 @@ static void find_moves(const State *state, const Diagnosis *found, Rivals *rival
     const double *now = inputs_now(state);
     memcpy(rivals->held, now, sizeof rivals->held);
     const int64_t n_waited = part_ahead(state, found, group, rivals, filters);
-    const double waited = entropy(rivals, group, n_waited);
-    for (int k = 0; k < N_INPUTS; k++) {
+    const double waited = entropy(rivals, group, n_waited), most = most_told(rivals);
+    for (int k = 0; k < N_INPUTS && most >= waited + WORTH; k++) {
         Check check = check_of(CHECK_INPUT, k, INPUT_COST[k]), best = check;
         const int n = values_of(&state->inputs, now[k], k, values);
-        check.within = AHEAD * step_ahead();
-        for (int move = 0; move < n; move++) {
+        check.within = (double)AHEAD * step_ahead();
+        for (int move = 0; move < n && rint(100.0 * best.gain) < rint(100.0 * most); move++) {
             check.value = rivals->held[k] = values[move];
             if (MODEL_CONDITION >= 0 && !model_holds(MODEL_CONDITION, rivals->held)) continue;
             check.n_groups = part_ahead(state, found, check.group, rivals, filters);
@@ -358,7 +369,7 @@ static void advise(const State *state, const Diagnosis *found, Rivals *rivals, F
     if (found->mismatch > 0.0) return;
     find_rivals(found, rivals);
     advice->n_rivals = rivals->n;
-    if (rivals->n < 2) return;
+    if (most_told(rivals) < WORTH) return;
     find_looks(found, rivals, advice);
     find_moves(state, found, rivals, filters, advice);
 #if N_SIGNALS > 0

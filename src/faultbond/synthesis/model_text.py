@@ -14,6 +14,7 @@ import numpy as np
 from faultbond.arrays import BoolArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
+from faultbond.synthesis.ahead import AHEAD, ahead_lengths
 from faultbond.synthesis.conditions import states_text
 from faultbond.synthesis.functions_text import (
     function_text,
@@ -24,7 +25,14 @@ from faultbond.synthesis.functions_text import (
     symmetric_table,
     with_sparse_slope,
 )
-from faultbond.synthesis.plan_tables import integers, numbers, plan_sizes, plan_tables, ragged_table
+from faultbond.synthesis.plan_tables import (
+    integers,
+    numbers,
+    plan_sizes,
+    plan_tables,
+    ragged_table,
+    small_integers,
+)
 from faultbond.types import CheckKind, Hold
 
 _HASH = "/* the hash of this text: a saved state is of one model */"
@@ -59,6 +67,7 @@ def model_text(spec: EngineSpec, model: StepModel) -> str:
         *_state_tables(spec, rate_entries, model.v.numel()),
         *_reading_tables(spec, reading_entries),
         *plan_tables(spec),
+        small_integers("AHEAD_LENGTH", ahead_lengths(model)),
         states_text(spec, model.plant.graph),
         "#ifdef FB_HOLDS_FILTERS",
         *(function_text(item, outputs) for item, outputs in _functions(spec, model, rates, readings, linear=linear)),
@@ -96,6 +105,8 @@ def _sizes(
         "N_RATE_SLOPES": len(rates),
         "N_READING_SLOPES": len(readings),
         "SUBSTEPS": model.substeps,
+        "AHEAD": AHEAD,
+        "N_AHEAD": len(ahead_lengths(model)),
         "RATES_ARE_LINEAR": int(linear),
         "READINGS_ARE_LINEAR": int(model.measure_is_linear),
         **plan_sizes(spec),

@@ -168,13 +168,13 @@ def _process_noise(model: StepModel, k: int) -> float:
     """
     if model.plant.network.states[k].source:
         return 0.0
-    slope = np.abs(model.measure(*_at_reference(model))[1].full()[:, k])
+    slope = np.abs(model.measure(*at_reference(model))[1].full()[:, k])
     shown = [sensor.noise / slope[j] for j, sensor in enumerate(model.plant.graph.sensors) if slope[j] > 0]
     return float(PROCESS_NOISE * min(shown)) if shown else 0.0
 
 
-def _at_reference(model: StepModel) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Give v, u and z of the model at the reference."""
+def at_reference(model: StepModel) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Give v (n_v,), u (n_inputs,) and z (n_implicit,) of the model at the reference."""
     n_x = len(model.states)
     joint = np.zeros(model.v.numel())
     joint[:n_x] = model.reference_state
@@ -190,7 +190,7 @@ def _drifts(model: StepModel) -> FloatArray:
     A gap in a recording lets each state wander by about this much a sample: inputs may have changed meanwhile. What an
     input with a lag has come to does so by no more than the reference input.
     """
-    n_x, place = len(model.states), _at_reference(model)
+    n_x, place = len(model.states), at_reference(model)
     dt = model.plant.graph.sample_time or 1.0
     rates, slope = model.rates(*place)[1].full()[:, :n_x], model.measure(*place)[1].full()[:, :n_x]
     step = np.linalg.pinv(np.eye(n_x) - dt * rates)  # implicit Euler

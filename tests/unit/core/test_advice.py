@@ -21,6 +21,7 @@ from faultbond.model.text import parse_model
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault, Inputs, simulate
+from faultbond.synthesis.ahead import AHEAD
 from faultbond.synthesis.compile import find_compiler
 from faultbond.synthesis.engine import build_core, build_engine
 from faultbond.types import CheckKind
@@ -30,7 +31,7 @@ pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler o
 TANK = (Path(__file__).parents[3] / "examples" / "tank" / "model.yaml").read_text(encoding="utf-8")
 FAULT = Fault(parameter="K6", factor=9.0, start=230.0)
 PARTED = ACCEPTED - 24  # of the course: a moment at which a move of its input would part what could be at fault
-APART, AHEAD, WORTH, LEAST = (core_settings()[name] for name in ("APART", "AHEAD", "WORTH", "LEAST_LIKELY"))
+APART, WORTH, LEAST = (core_settings()[name] for name in ("APART", "WORTH", "LEAST_LIKELY"))
 INPUTS = """\
 name: many inputs
 sample_time: 1 s
@@ -81,7 +82,7 @@ int64_t t_room(State *state) { return (void)state, (int64_t)sizeof(Rivals); }
 AHEAD_CALL = """
 int64_t t_pack(State *state, const int64_t *t, const double *held, double *packed)
 {
-    pack_ahead(state->inputs.held, held, *t, packed);
+    pack_ahead(state->inputs.held, held, t[0], t[1], packed);
     return 0;
 }
 int64_t t_ahead(State *state, Work *work, Diagnosis *found, double *first)
@@ -282,7 +283,7 @@ def parted(monitor: Monitor, rivals: tuple[Candidate, ...], held: FloatArray) ->
     """The groups of candidates under held inputs, each filter run by itself, all numbers of a run at once."""
     spec, now, n_y = monitor.spec, monitor.numbers("inputs.held"), len(monitor.spec.outputs)
     place, step = spec.sample_fields, spec.sample_time or 1.0
-    samples = np.zeros((int(AHEAD), spec.n_sample))
+    samples = np.zeros((AHEAD, spec.n_sample))
     samples[:, place["dt"]], samples[:, place["scale"]], samples[:, place["again"]] = step, 1.0, 1.0
     samples[:, place["fresh"]] = spec.input_variance
     samples[:, place["u"]] = samples[:, place["u_before"]] = held
@@ -358,11 +359,18 @@ def test_what_settles_after_a_move_is_not_counted() -> None:
     state, now = bare(AHEAD_CALL), np.array([2.0, 0.3])
     place, state["inputs.held"], packed = state.spec.sample_fields, now, np.full(state.spec.n_sample, nan)
     blank = state.spec.thresholds.blank_factor
-    for held, t, scale in (([4.0, 0.3], 5, blank), ([4.0, 0.3], 6, 1.0), ([2.0, 0.2], 0, 1.0)):
-        state.call("t_pack", np.array([t]), np.array(held), packed)
+    for held, t, length, scale in (
+        ([4.0, 0.3], 6, 1, blank),
+        ([4.0, 0.3], 7, 1, 1.0),
+        ([4.0, 0.3], 8, 3, 1.0),
+        ([2.0, 0.2], 1, 1, 1.0),
+        ([2.0, 0.2], 5, 5, 1.0),
+    ):
+        state.call("t_pack", np.array([t, length]), np.array(held), packed)
+        assert packed[place["dt"]].item() == length * (state.spec.sample_time or 0.0)
         assert packed[place["scale"]].tolist() == [scale, 1.0]
         assert packed[place["u"]].tolist() == held
-        assert packed[place["u_before"]].tolist() == (held if t else now.tolist())
+        assert packed[place["u_before"]].tolist() == (held if t > length else now.tolist())
         assert not packed[place["use"]].any()
 
 
