@@ -67,6 +67,37 @@ sensors:
   s7: {reads: c1.f, unit: A, noise: 1 mA}
   s8: {reads: m.e, unit: V, noise: 1 mV}
 """
+HOT_DRIVE = """\
+name: hot drive
+sample_time: 0.25 s
+accuracy: 5 %
+constants: {alpha: 0.0039 1/K, cold: 20 degC, ratio: 20, creep: 0.05 rad/s}
+inputs: {voltage: {unit: V}, load: {unit: N*m}, t_amb: {unit: degC}}
+components:
+  supply:  {type: Se, law: e = voltage}
+  winding: {type: R, law: e = R*(1 + alpha*(copper.e - cold))*f, parameters: {R: 0.5 ohm}}
+  motor:   {type: GY, parameters: {K: 1.2 V*s/rad}}
+  rotor:   {type: I, parameters: {J: 0.15 kg*m^2}}
+  gear:    {type: TF, law: [e2 = ratio*e1, f1 = ratio*f2]}
+  rope:    {type: C, law: e = k*q, parameters: {k: 300 N*m/rad}}
+  damper:  {type: R, parameters: {d: 30 N*m*s/rad}}
+  drum:    {type: I, parameters: {J2: 60 kg*m^2}}
+  bearing: {type: R, law: e = T*tanh(f/creep), parameters: {T: 80 N*m}}
+  driven:  {type: Se, law: e = load}
+  joule:   {type: Sf, law: f = winding.e*winding.f}
+  mass:    {type: C, law: q = C*(e - cold), parameters: {C: 4000 J/K}}
+  cooling: {type: R, law: f = G*e, parameters: {G: 4 W/K}}
+  ambient: {type: Se, law: e = t_amb}
+junctions: {armature: 1, shaft: 1, pull: 0, stretch: 1, out: 1, copper: 0, loss: 1}
+bonds: [supply -> armature -> winding, armature -> motor -> shaft -> rotor, shaft -> gear -> pull -> stretch -> rope,
+        stretch -> damper, pull -> out -> drum, out -> bearing, out -> driven,
+        joule -> copper -> mass, copper -> loss -> cooling, loss -> ambient]
+sensors:
+  i: {reads: armature.f, unit: A, noise: 0.15 A}
+  w: {reads: shaft.f, unit: rad/s, noise: 0.25 rad/s}
+  w2: {reads: out.f, unit: rad/s, noise: 0.02 rad/s}
+  T: {reads: copper.e, unit: degC, noise: 0.3 K}
+"""
 
 
 def hot_motor(*, lag: str = "") -> str:

@@ -126,8 +126,8 @@ static double told_by(const Rivals *rivals, int64_t r, int64_t k)
     return rivals->told[rivals->is_wide[r]][rivals->at[r] / GROUP][k][rivals->at[r] % GROUP];
 }
 
-/* Add how far two rivals are apart at the last sample, which stands for so many. A prediction's own uncertainty is what its variance is beyond the
-   noise; what is no number counts as nothing, or as wholly uncertain. */
+/* Add how far two rivals are apart at the last sample, which stands for so many. A prediction's own uncertainty is what its
+   variance is beyond the noise; what is no number counts as nothing, or as wholly uncertain. */
 static void add_apart(int64_t r, int64_t other, double count, Rivals *rivals)
 {
     for (int j = 0; j < N_OUTPUTS; j++) {

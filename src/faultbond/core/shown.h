@@ -33,21 +33,12 @@ static int only_unknown(const Shown *shown, const int *columns, int n)
     return found;
 }
 
-/* Of the first three samples that a sensor has a value in, that with the middle one, since one may be wild; the first of two;
-   -1: there is none. */
+/* The first of the samples that a sensor has a value in; -1: none. One that is wild is left out when the start is solved anew. */
 static int64_t first_reading(const Shown *shown, int j)
 {
-    int64_t first[3];
-    int n = 0;
-    for (int64_t t = 0; t < shown->count && n < 3; t++)
-        if (shown->samples[t][SAMPLE_USE + j] > 0.0 && shown->samples[t][SAMPLE_SCALE + j] < BLANK_FACTOR) first[n++] = t;
-    if (n < 3) return n > 0 ? first[0] : -1;
-    for (int k = 0; k < 2; k++) {
-        const double own = shown->samples[first[k]][SAMPLE_Y + j], one = shown->samples[first[(k + 1) % 3]][SAMPLE_Y + j];
-        const double other = shown->samples[first[(k + 2) % 3]][SAMPLE_Y + j];
-        if ((own - one) * (own - other) <= 0.0) return first[k];
-    }
-    return first[2];
+    for (int64_t t = 0; t < shown->count; t++)
+        if (shown->samples[t][SAMPLE_USE + j] > 0.0 && shown->samples[t][SAMPLE_SCALE + j] < BLANK_FACTOR) return t;
+    return -1;
 }
 
 /* Find state i by a relation in which all others are known, by Newton's method; gives whether that comes to an end. */

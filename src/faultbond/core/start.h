@@ -526,9 +526,9 @@ static double lag_behind(double (*samples)[N_SAMPLE], int64_t count, int k)
     return PART_OF_INPUT * largest + INPUT_STEP[k];
 }
 
-/* Find what the first readings show, from where laws have values. Gives whether a state is shown far from where it was thought to
-   be: then the plant is in use far from where its sizes were taken. */
-static int is_shown_far(double (*samples)[N_SAMPLE], SolveMemory *memory)
+/* Find what the first readings show, from where laws have values. Gives whether an unknown state is shown far from where it was
+   thought to be: then the plant is in use far from where its sizes were taken. */
+static int is_shown_far(double (*samples)[N_SAMPLE], const int *unknown, int n_unknown, SolveMemory *memory)
 {
     unsigned char known[FB_ROOM(N_STATES)];
     lanes *lane = memory->filter->lane;
@@ -539,8 +539,8 @@ static int is_shown_far(double (*samples)[N_SAMPLE], SolveMemory *memory)
     }
     for (int k = 0; k < PLAIN_NUMBERS; k++) lane[k] = broadcast(memory->sure[k]);
     find_all_shown(samples, memory->count, known, memory->shown, lane);
-    for (int c = 0; c < memory->n_free; c++) {
-        const int i = memory->free[c];
+    for (int c = 0; c < n_unknown; c++) {
+        const int i = unknown[c];
         if (fabs(memory->shown[i] - memory->centre[i]) > FAR_SHOWN * memory->size[i]) return 1;
     }
     return 0;
@@ -569,9 +569,7 @@ static void know_beforehand(double (*samples)[N_SAMPLE], const double *sd, const
         if (k < 0 && fabs(memory->centre[i] - START_MEAN[i]) > FAR_SETTLED * memory->size[i]) memory->centre[i] = START_MEAN[i];
         if (memory->size[i] > 0.0) memory->free[memory->n_free++] = i;
     }
-    if (!is_shown_far(samples, memory)) return;
-    for (int c = 0; c < n_unknown; c++) memory->centre[unknown[c]] = seen[unknown[c]];
-    find_sizes(samples, unknown, n_unknown, &seen, 1, memory);
+    if (is_shown_far(samples, unknown, n_unknown, memory)) find_sizes(samples, unknown, n_unknown, &seen, 1, memory);
 }
 
 /* Solve the start: the states before the first of the packed samples, SI, and the covariance [AT_SLOT][AT_SLOT] of

@@ -336,6 +336,28 @@ def test_moves_part_what_predictions_part(lanes: int) -> None:
         assert item.gain >= waited + WORTH
 
 
+def test_of_all_moves_the_nearest_is_advised_that_tells_most() -> None:
+    """Each move of each valve is asked by itself: none tells more than the one that is advised, none nearer as much."""
+    monitor = leaking()
+    listed, spec, now = monitor.conclude().candidates, monitor.spec, monitor.numbers("inputs.held")
+    names = [item.components for item in listed]
+    wide = [k for k, item in enumerate(listed) if len(monitor.lane(item.lane)) > spec.n_numbers]
+    chosen = [names.index(("leak",)), names.index(("outlet",)), *wide[:3]]
+    rivals, found = advised(monitor, *((k, 1.0 / len(chosen)) for k in chosen))
+    waited, partial = bits(parted(monitor, rivals, now), rivals), 0
+    for k, item in enumerate(spec.inputs):
+        values = [now[k] + sign * size for size in (20.0, 40.0, 60.0) for sign in (1.0, -1.0)]
+        values = list(dict.fromkeys(value for value in np.clip(values, 0.0, 100.0) if abs(value - now[k]) > 10.0))
+        told = [
+            bits(parted(monitor, rivals, np.where(np.arange(len(now)) == k, value, now)), rivals) for value in values
+        ]
+        best = int(np.argmax(np.round(told, 2)))  # the first of equals
+        advised_value = [one.value for one in found if one.kind is CheckKind.INPUT and one.target == item.name]
+        assert advised_value == ([values[best]] if told[best] >= waited + WORTH else [])
+        partial += any(waited + WORTH <= one < told[best] - 0.01 for one in told)
+    assert partial  # somewhere a move tells something, and another one more
+
+
 def bits(groups: list[list[tuple[str, ...]]], rivals: tuple[Candidate, ...]) -> float:
     """What it tells to know the group, of rivals that are equally likely."""
     return entropy(*(len(group) / len(rivals) for group in groups))

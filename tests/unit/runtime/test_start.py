@@ -17,7 +17,7 @@ from faultbond.runtime.core import Core
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.engine import build_core, build_engine
 from made import TANK_START, graph_of, plant, recorded, run, samples_of, spec_of
-from plants import TWO_STORES, hot_motor
+from plants import HOT_DRIVE, TWO_STORES, hot_motor
 
 START_SAMPLES = int(core_settings()["START_SAMPLES"])
 MOTOR = {"L.p": 2.5 * 1.5, "J.p": 1.5 * -2.0}  # 1.5 A, -2 rad/s
@@ -72,6 +72,36 @@ def test_a_start_is_found_where_the_plant_runs_away_from_nothing(voltage: float,
     sds = np.sqrt(np.diag(covariance))
     assert np.abs(mean - true) == pytest.approx(0.0, abs=3.0)
     assert np.all(np.abs(mean - true) < 3.0 * sds)
+
+
+def driven(voltage: float, load: float) -> tuple[EngineSpec, Core, tuple[Sample, ...], list[float]]:
+    """A drive with a rope, warm and turning: its core, its first samples, and where it began."""
+    spec, core = build_engine(parse_model(HOT_DRIVE))
+    time, torque = np.asarray(np.arange(START_SAMPLES) * 0.25, dtype=np.float64), 80.0 + load
+    speed = (voltage - 0.6 * torque / 20.0 / 1.2) / 1.2
+    start = {"rotor.p": 0.15 * speed, "rope.q": torque / 300.0, "drum.p": 60.0 * speed / 20.0, "mass.q": 160_000.0}
+    values = np.tile([voltage, load, 290.0], (len(time), 1))
+    made = simulate(parse_model(HOT_DRIVE), Inputs(time=time, values=values), seed=4, start=start)
+    return spec, core, samples_of(time, made.inputs, made.outputs), [speed, torque, speed / 20.0, 333.15]
+
+
+@pytest.mark.parametrize(("voltage", "load"), [(135.0, 430.0), (135.0, 100.0), (60.0, 100.0)])
+def test_what_is_shown_far_off_says_how_large_states_are(voltage: float, load: float) -> None:
+    """Sizes of states that are taken where the plant runs away say nothing: no winding is within a hundredth of 0 K."""
+    spec, core, samples, true = driven(voltage, load)
+    mean, covariance = solved(core, packed(spec, samples))
+    sds = np.sqrt(np.diag(covariance))
+    assert np.all(np.abs(mean - true) < 3.0 * sds)
+    assert sds == pytest.approx(0.0, abs=0.1 * np.max(true))
+
+
+@pytest.mark.parametrize("at", [0, 1])
+def test_a_wild_value_among_the_first_readings_leads_no_start(at: int) -> None:
+    """It is left out when the first samples judge each other: who shows 3000 degC once has no warm motor before him."""
+    _, core, samples, true = driven(135.0, 100.0)
+    wild = replace(samples[at], y=np.where(np.arange(4) == 3, 3273.15, samples[at].y))
+    monitor, _ = run(core, (*samples[:at], wild, *samples[at + 1 :]))
+    assert monitor.numbers("healthy.lane")[: len(true)] == pytest.approx(true, rel=0.03)
 
 
 @cache
