@@ -183,6 +183,18 @@ def test_recordings_are_fitted_together(model: Path, tmp_path: Path) -> None:
     assert two["parameters"][0]["sd"] < 0.8 * one["parameters"][0]["sd"]
 
 
+def test_what_is_simulated_says_where_it_begins(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A start that is stated, give or take something, is not found: a simulation from there may be far off for long."""
+    stated = model.read_text(encoding="utf-8")
+    for text, told in ((stated, True), (stated.replace(", start: {p: 0 V*s, sd: 0.001 V*s}", ""), False)):
+        model.write_text(text, encoding="utf-8")
+        assert main(["fit", str(model), str(write_current(tmp_path / "a.csv"))]) == DONE
+        words = " ".join(capsys.readouterr().out.split())
+        assert ("begun exactly at the stated start of L" in words) == told
+
+
 def test_a_fixed_parameter_stays(model: Path, tmp_path: Path) -> None:
     """What is fixed is not fitted and not written."""
     new = tmp_path / "new.yaml"

@@ -24,7 +24,7 @@ FB_SELDOM
 #define DOUBLINGS 12         /* of the step, while the plant settles */
 #define ABSURD_STATE 1e12
 #define FAR_SETTLED 1e3      /* sizes of a state that a settled value may lie off; the plant reached none farther off */
-#define FAR_SHOWN 100.0      /* sizes of a state that it may be shown off, where these are to be believed */
+#define FAR_SHOWN 10.0       /* sizes of a state that it may be shown off, where these are to be believed */
 #define PART_OF_SD 0.1       /* of what a parameter may be off, over which slopes are taken */
 #define PART_OF_SIZE 1e-6    /* of a state, alike */
 #define RUN_AWAY 1e6         /* misfit, sd of the noise, of a plant that has run away */
@@ -569,7 +569,9 @@ static void know_beforehand(double (*samples)[N_SAMPLE], const double *sd, const
         if (k < 0 && fabs(memory->centre[i] - START_MEAN[i]) > FAR_SETTLED * memory->size[i]) memory->centre[i] = START_MEAN[i];
         if (memory->size[i] > 0.0) memory->free[memory->n_free++] = i;
     }
-    if (is_shown_far(samples, unknown, n_unknown, memory)) find_sizes(samples, unknown, n_unknown, &seen, 1, memory);
+    if (!is_shown_far(samples, unknown, n_unknown, memory)) return;
+    for (int c = 0; c < n_unknown; c++) memory->centre[unknown[c]] = seen[unknown[c]];
+    find_sizes(samples, unknown, n_unknown, &seen, 1, memory);
 }
 
 /* Solve the start: the states before the first of the packed samples, SI, and the covariance [AT_SLOT][AT_SLOT] of

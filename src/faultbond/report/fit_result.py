@@ -495,12 +495,14 @@ def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:
 def size_lines(fitted: Fitted) -> Iterator[tuple[str, str]]:
     """Say how far model and readings are apart, from sample to sample and over the whole recording."""
     sizes = residual_sizes(fitted.found)
+    vague = [item.name for item in fitted.graph.components if item.start is not None and item.start.sd > 0.0]
+    where = f"; begun exactly at the stated start of {join(vague)}" if vague else ""
     for label, kind in (("one sample ahead", 0), ("simulated", 1)):
         texts = []
         for k, sensor in enumerate(fitted.graph.sensors):
             size = max(float(item[kind][k]) for item in sizes) / sensor.unit.factor
             texts.append(f"{sensor.name} {_joined(f'{size:.3g}', sensor.unit)}")
-        yield label, f"off by {', '.join(texts)} (root of the mean square)"
+        yield label, f"off by {', '.join(texts)} (root of the mean square){where if kind else ''}"
 
 
 def doubt_sentences(fitted: Fitted) -> list[str]:

@@ -95,6 +95,30 @@ def test_what_is_shown_far_off_says_how_large_states_are(voltage: float, load: f
     assert sds == pytest.approx(0.0, abs=0.1 * np.max(true))
 
 
+BOX = """
+name: box
+sample_time: 1 s
+constants: {T_0: 293.15 K}
+inputs: {P: {unit: W}, T_air: {unit: degC}}
+blocks:
+  skin: {law: der(th) = (P - h*(th + T_0 - T_air))/C, parameters: {h: 1.2 W/K, C: 900 J/K}}
+sensors: {T: {reads: th + T_0, unit: degC, noise: 0.08 K, lag: 14 s}}
+"""
+
+
+@pytest.mark.parametrize("settled", [0.006, -0.02, 0.3, 4.0])
+def test_what_would_settle_at_nothing_may_be_elsewhere(settled: float) -> None:
+    """A box at 21.5 degC in air of 20 degC: that it would come to next to nothing over 20 degC is no size of it."""
+    graph = parse_model(BOX)
+    _, core = build_engine(graph)
+    time = np.asarray(np.arange(START_SAMPLES), dtype=np.float64)
+    values = np.tile([0.0, 293.15 + settled], (len(time), 1))
+    made = simulate(graph, Inputs(time=time, values=values), seed=3, start={"th": 1.5, "T.lagged": 294.65})
+    mean, covariance = solved(core, packed(core.spec, samples_of(time, made.inputs, made.outputs)))
+    assert np.all(np.abs(mean - [1.5, 294.65]) < 3.0 * np.sqrt(np.diag(covariance)))
+    assert mean == pytest.approx([1.5, 294.65], abs=0.4)
+
+
 @pytest.mark.parametrize("at", [0, 1])
 def test_a_wild_value_among_the_first_readings_leads_no_start(at: int) -> None:
     """It is left out when the first samples judge each other: who shows 3000 degC once has no warm motor before him."""
