@@ -201,6 +201,13 @@ function otherwiseText(best) {
   return others.length ? ` It may also be ${others.map(([kind, share]) => `${KIND_WORDS[kind]} (${(100 * share).toFixed(0)}${NO_BREAK}%)`).join(" or ")}.` : "";
 }
 
+// Whether what changed in a candidate may all be what it was: then there is no fault to be claimed.
+function isNone(candidate) {
+  const items = suspectsOf(candidate);
+  if (!["step", "bias", "gain"].includes(candidate.kind) || !items.length) return false;
+  return items.every(([name, item]) => item.stopped == null && !isUndetermined(name, item) && !isOff(item));
+}
+
 // What a diagnosis says, in plain words.
 function verdictSentence(diagnosis, detection) {
   const group = bestGroup(diagnosis), best = group[0], suspects = suspectsOf(best);
@@ -214,6 +221,9 @@ function verdictSentence(diagnosis, detection) {
   let event = `${owners} ${isOne ? "is" : "are"} at fault`;
   if (best.kind === "intermittent") event = `a fault of ${owners} comes and goes`;
   else if (["step", "ramp", "drift"].includes(best.kind) && !isMixed) event = `${owners} ${best.kind !== "drift" ? "changed" : isOne ? "drifts" : "drift"}`;
+  if (isNone(best)) {
+    return `Something was otherwise than the model says, and a fault of ${owners} comes nearest to it; but ${changes}: no fault is claimed.`;
+  }
   return `Most likely ${event}: ${changes}${certaintyOf(diagnosis)}.${otherwiseText(best)}`;
 }
 

@@ -14,9 +14,11 @@ from typing import Any
 
 import pytest
 
+import faultbond
 from faultbond.cli import main
 
 TANK = Path(__file__).parents[3] / "examples" / "tank"
+BROWSER = Path(faultbond.__file__).parent / "browser"
 ROWS = 1700  # of the faulty recording; the alarm comes at 1504 s
 CLOSE = 1e-6
 
@@ -146,6 +148,21 @@ def test_a_model_that_may_be_off_is_told_as_by_run(
     assert told is not None
     assert told[0] in " ".join(page.inner_text("#remainder").split())
     page.close()
+
+
+@pytest.mark.parametrize(("sd", "claimed"), [(1e-4, False), (1e-6, True)])
+def test_a_bias_that_may_be_none_is_no_claim(sd: float, claimed: bool, page: Any, recordings: dict[str, Path]) -> None:
+    """As in a report, however likely it is."""
+    play(page, recordings["faulty"])
+    told = next(item for item in reversed(saved(page)) if item["record"] == "diagnosis")
+    bias = {"nominal": 0.0, "estimate": 1e-5, "sd": sd}
+    best = {"components": ["flow"], "parameters": {"flow.bias": bias}, "probability": 0.9999, "group": True}
+    told["candidates"] = [best | {"kind": "bias", "kinds": {"bias": 1.0}, "present": True}]
+    words = "\n".join((BROWSER / name).read_text(encoding="utf-8") for name in ("numbers.js", "words.js"))
+    model = "const MODEL = JSON.parse(document.getElementById('model').textContent);"
+    said = page.evaluate(f"found => {{ {model}\n{words}\nreturn verdictSentence(found, null); }}", told)
+    assert said.startswith("Most likely" if claimed else "Something was otherwise than the model says")
+    assert said.endswith("its bias may still be 0: no fault is claimed.") is not claimed
 
 
 def test_what_is_suspected_is_coloured(page: Any, recordings: dict[str, Path]) -> None:

@@ -307,6 +307,15 @@ def test_verdict_of_an_instrument_with_a_component(
     assert f"{text}; K4 fell from 2.35e-6" in told
 
 
+@pytest.mark.parametrize("sd", [1e-4, 1e-6])
+def test_an_instrument_that_may_be_right_is_at_no_fault(history: History, sd: float) -> None:
+    """However likely its lane: of a bias that may still be 0 nothing is claimed. Of one that is not, it is."""
+    item = wrong("flow.bias", 0.0, 1e-5, sd)
+    told = sentence(history, Candidate(suspects=(item,), probability=0.9999, group=True, kind=FaultKind.BIAS))
+    assert ("no fault is claimed" in told) == (sd == 1e-4)
+    assert told.startswith("Something was otherwise" if sd == 1e-4 else "Most likely the flow sensor is at fault")
+
+
 def test_verdict_of_a_drift_beside_a_step(history: History) -> None:
     """One moves, the other changed: neither word is used of both, also where nothing explains the data."""
     one = couple(moving(GRAPH, "K1", 1.5, 1e8), suspect(GRAPH, "K4", 0.5, 0.01), FaultKind.DRIFT)
