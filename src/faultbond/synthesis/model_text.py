@@ -14,7 +14,7 @@ import numpy as np
 from faultbond.arrays import BoolArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
-from faultbond.synthesis.ahead import AHEAD, ahead_lengths
+from faultbond.synthesis.ahead import ahead_lengths
 from faultbond.synthesis.conditions import states_text
 from faultbond.synthesis.functions_text import (
     function_text,
@@ -54,20 +54,20 @@ def core_text(spec: EngineSpec, model: StepModel) -> str:
 def model_text(spec: EngineSpec, model: StepModel) -> str:
     """Give `model.h`: sizes, tables and functions of a model as C. No name of the user's stands in it."""
     rates, rate_entries = with_sparse_slope("model_rates", model.rates)
-    linear = is_constant(model, rates)
+    linear, ahead = is_constant(model, rates), ahead_lengths(model)
     readings, reading_entries = with_sparse_slope("model_readings", model.readings)
     parts = [
         "/* The model: sizes, tables, rates and readings. */",
         "#ifndef FB_MODEL_H",
         "#define FB_MODEL_H",
-        _sizes(spec, model, rate_entries, reading_entries, linear=linear),
+        _sizes(spec, model, rate_entries, reading_entries, ahead, linear=linear),
         '#include "layout.h"',
         _HASH,
         *_tables(spec),
         *_state_tables(spec, rate_entries, model.v.numel()),
         *_reading_tables(spec, reading_entries),
         *plan_tables(spec),
-        small_integers("AHEAD_LENGTH", ahead_lengths(model)),
+        small_integers("AHEAD_LENGTH", ahead),
         states_text(spec, model.plant.graph),
         "#ifdef FB_HOLDS_FILTERS",
         *(function_text(item, outputs) for item, outputs in _functions(spec, model, rates, readings, linear=linear)),
@@ -84,6 +84,7 @@ def _sizes(
     model: StepModel,
     rates: Sequence[tuple[int, int]],
     readings: Sequence[tuple[int, int]],
+    ahead: Sequence[int],
     *,
     linear: bool,
 ) -> str:
@@ -105,8 +106,8 @@ def _sizes(
         "N_RATE_SLOPES": len(rates),
         "N_READING_SLOPES": len(readings),
         "SUBSTEPS": model.substeps,
-        "AHEAD": AHEAD,
-        "N_AHEAD": len(ahead_lengths(model)),
+        "AHEAD": sum(ahead),
+        "N_AHEAD": len(ahead),
         "RATES_ARE_LINEAR": int(linear),
         "READINGS_ARE_LINEAR": int(model.measure_is_linear),
         **plan_sizes(spec),

@@ -307,9 +307,9 @@ def test_verdict_of_an_instrument_with_a_component(
     assert f"{text}; K4 fell from 2.35e-6" in told
 
 
-@pytest.mark.parametrize("sd", [1e-4, 1e-6])
+@pytest.mark.parametrize("sd", [1e-4, 1e-6, np.inf])
 def test_an_instrument_that_may_be_right_is_at_no_fault(history: History, sd: float) -> None:
-    """However likely its lane: of a bias that may still be 0 nothing is claimed. Of one that is not, it is."""
+    """However likely its lane, nothing is claimed of a bias that may still be 0; of one that is not, or of any size, it is."""
     item = wrong("flow.bias", 0.0, 1e-5, sd)
     told = sentence(history, Candidate(suspects=(item,), probability=0.9999, group=True, kind=FaultKind.BIAS))
     assert ("no fault is claimed" in told) == (sd == 1e-4)
