@@ -309,7 +309,7 @@ def test_verdict_of_an_instrument_with_a_component(
 
 @pytest.mark.parametrize("sd", [1e-4, 1e-6, np.inf])
 def test_an_instrument_that_may_be_right_is_at_no_fault(history: History, sd: float) -> None:
-    """However likely its lane, nothing is claimed of a bias that may still be 0; of one that is not, or of any size, it is."""
+    """However likely its lane, no bias that may still be 0 is claimed; one that is off, or of any size, is."""
     item = wrong("flow.bias", 0.0, 1e-5, sd)
     told = sentence(history, Candidate(suspects=(item,), probability=0.9999, group=True, kind=FaultKind.BIAS))
     assert ("no fault is claimed" in told) == (sd == 1e-4)
