@@ -151,7 +151,7 @@ function noClaim(diagnosis, detection) {
   if (diagnosis.mismatch) {
     const name = detection.walk.parameter;
     return `${most}: ${name}, which counts as healthy, had to move too far. ` +
-      `Declare the accuracy of ${name} larger, or ${MODEL.wanders.includes(name) ? "its `wander` larger or longer" : "that it wanders"}, or mend what moves it.`;
+      `Declare the accuracy of ${name} larger${wanderText(name)}, or mend what moves it.`;
   }
   if (diagnosis.unexplained) return unexplainedSentence(diagnosis.unexplained);
   if (!(diagnosis.within_accuracy > diagnosis.candidates[0].probability)) return "";
@@ -199,6 +199,12 @@ function certaintyOf(diagnosis) {
 function otherwiseText(best) {
   const others = Object.entries(best.kinds).filter(([kind, share]) => kind !== best.kind && share >= OTHERWISE);
   return others.length ? ` It may also be ${others.map(([kind, share]) => `${KIND_WORDS[kind]} (${(100 * share).toFixed(0)}${NO_BREAK}%)`).join(" or ")}.` : "";
+}
+
+// That a parameter may be declared to wander, or to wander more; nothing of one that says how something lags.
+function wanderText(name) {
+  if (MODEL.lags.includes(name)) return "";
+  return MODEL.wanders.includes(name) ? ", or its `wander` larger or longer" : ", or that it wanders";
 }
 
 // Whether what changed in a candidate may all be what it was: then there is no fault to be claimed.

@@ -110,6 +110,7 @@ def _data(graph: BondGraph, spec: EngineSpec, recording: BuiltInRecording | None
         "nSlow": len(spec.slow_errors),
         "falseAlarms": graph.false_alarms,
         "wanders": [item.target for item in graph.wanders],
+        "lags": sorted(graph.lags),
         "suspects": dict(_suspects(graph)),
         "instruments": {name: with_article(title) for name, title in _instruments(graph)},
         "parts": {item.name: with_article(item.name) for item in graph.components},

@@ -1,7 +1,7 @@
 """What a fit found: as records, as text for people, and as a model file."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -436,7 +436,7 @@ def remarks(fitted: Fitted) -> list[tuple[str, str]]:
         named = f"; most of all {first.parameter}" if names != first.parameter else ", most of all"
         question = "" if first.parameter in fitted.added else ". Is it healthy?"
         told.append(("not steady", f"{names}{named} about {clock_text(first.time)}{where}{question}"))
-    told += under("wanders", [_wander_text(item) for item in fitted.wanders])
+    told += under("wanders", [_wander_text(item, fitted.graph.lags) for item in fitted.wanders])
     moves = [f"{name} {size}" for name, size in fitted.declared_changes]
     if moves:
         told.append(("seems to move", f"{join(moves)} (sd) on healthy data; a fault must change them by more"))
@@ -450,8 +450,13 @@ def remarks(fitted: Fitted) -> list[tuple[str, str]]:
     return told
 
 
-def _wander_text(item: Wander) -> str:
-    """Say what a parameter that seems to wander is to declare."""
+def _wander_text(item: Wander, lags: Collection[str]) -> str:
+    """Say what a parameter that seems to wander is to declare; what says how something lags cannot wander."""
+    if item.parameter in lags:
+        return (
+            f"{item.parameter}, as it seems: no one value does for all that was recorded. Give it an `accuracy` of "
+            f"{100 * item.size:.2g} % or more in the model that is written ({item.gain:.0f} nats)"
+        )
     length, unit = next((pair for pair in ((3600.0, "h"), (60.0, "min")) if item.memory >= 2.0 * pair[0]), (1.0, "s"))
     declared = f"{100 * item.size:.2g} % over {figure(item.memory / length, digits=2).number()} {unit}"
     return (

@@ -265,8 +265,10 @@ def _limit(unit: Unit, suspect: Suspect, item: Forecast, now: float, notation: N
 def cure_of_walk(graph: BondGraph, parameter: str) -> str:
     """Say what to do about a parameter that the healthy model moves too far, though it is healthy."""
     declared = any(item.target == parameter for item in graph.wanders)
-    wander = "its `wander` larger or longer" if declared else "that it wanders"
-    return f"Declare the accuracy of {parameter} larger, or {wander}, or mend what moves it."
+    wander = ", or its `wander` larger or longer" if declared else ", or that it wanders"
+    return (
+        f"Declare the accuracy of {parameter} larger{'' if parameter in graph.lags else wander}, or mend what moves it."
+    )
 
 
 def otherwise(candidate: Candidate) -> str:

@@ -6,10 +6,24 @@ import pytest
 
 from fake import kind_of, moving, suspect, tank_graph, wrong
 from faultbond.contract.findings import Candidate, Forecast, Suspect
+from faultbond.fit.wander import Wander
 from faultbond.model.graph import Unit
+from faultbond.model.text import parse_model
+from faultbond.report.fit_result import _wander_text
 from faultbond.report.numbers import Notation
-from faultbond.report.suspects import change_of, otherwise, owner_of, rows_of, shown_in, title_of, unit_of, with_article
+from faultbond.report.suspects import (
+    change_of,
+    cure_of_walk,
+    otherwise,
+    owner_of,
+    rows_of,
+    shown_in,
+    title_of,
+    unit_of,
+    with_article,
+)
 from faultbond.types import FaultKind
+from plants import pumped_tank
 
 GRAPH = tank_graph()  # flow in l/min, pressure in kPa, inputs in percent
 NOW = 3000.0
@@ -198,3 +212,14 @@ def test_rows_of_a_drift_and_of_a_stuck_sensor() -> None:
     (stuck,) = rows_of(GRAPH, wrong("pressure.stuck", None, 9115.0, 4.0), Notation.FILE)
     assert (stuck.component, stuck.parameter, stuck.nominal) == ("pressure sensor", "stuck", "")
     assert (stuck.estimate, stuck.unit, stuck.change) == ("9.115 ± 0.004", "kPa", "")
+
+
+def test_what_lags_cannot_wander() -> None:
+    """The cure of a parameter that moves too far is one that the model file takes: of a lag its accuracy alone."""
+    graph = parse_model(pumped_tank(speed=", lag: 3 s"))
+    assert cure_of_walk(graph, "K") == "Declare the accuracy of K larger, or that it wanders, or mend what moves it."
+    assert cure_of_walk(graph, "u_lag") == "Declare the accuracy of u_lag larger, or mend what moves it."
+    wanders = [Wander(parameter=name, size=0.16, memory=20.0, gain=165.0) for name in ("K", "u_lag")]
+    texts = [_wander_text(item, graph.lags) for item in wanders]
+    assert "declare `wander: 16 % over 20 s` and fit again (165 nats)" in texts[0]
+    assert "Give it an `accuracy` of 16 % or more in the model that is written (165 nats)" in texts[1]
