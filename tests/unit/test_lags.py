@@ -1,6 +1,8 @@
 """Lags of inputs and sensors: stores of the first order that the model file states by a time constant."""
 
+import json
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,12 +11,14 @@ from scipy.stats import gamma
 
 from faultbond.algebra.routes.questions import all_questions
 from faultbond.analysis.sensor_advice import readable_signals
+from faultbond.cli import DONE, main
 from faultbond.equations.component_network import build_components
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
 from faultbond.errors import ModelError
 from faultbond.fit.innovations import watch_recording
 from faultbond.fit.samples import healthy_recording
+from faultbond.io.recording import write_recording
 from faultbond.model.builder import ModelBuilder
 from faultbond.model.graph import BondGraph
 from faultbond.model.rewrite import NewParameter, rewrite
@@ -27,6 +31,7 @@ from faultbond.simulate import Fault, Inputs, Simulation, simulate
 from faultbond.synthesis.engine import build_core
 from faultbond.synthesis.specify import build_spec
 from made import run, samples_of
+from plants import pumped_tank
 
 TANK = """\
 name: tank with lags
@@ -432,3 +437,26 @@ def test_a_slow_actuator_is_found() -> None:
     assert best.suspects[0].component == "u"
     assert best.suspects[0].estimate == pytest.approx(20.0, abs=4.0 * best.suspects[0].sd)
     assert best.probability > 0.9
+
+
+def test_a_lag_that_differs_between_recordings_is_known_to_no_better(tmp_path: Path) -> None:
+    """Lags of 2.4, 3 and 3.6 s on three days: a fit says by how much it moves, and writes an accuracy that says so."""
+    text = pumped_tank(speed=", lag: {value: 3 s, accuracy: 30 %}")
+    (tmp_path / "model.yaml").write_text(text)
+    time = np.arange(900.0)
+    inputs = Inputs(time=time, values=np.repeat((50.0, 70.0, 40.0, 60.0, 45.0, 65.0, 55.0, 75.0, 50.0), 100)[:, None])
+    days = []
+    for k, lag in enumerate((2.4, 3.0, 3.6)):
+        made = simulate(parse_model(text.replace("value: 3 s", f"value: {lag} s")), inputs, seed=70 + k)
+        columns = {"time": time, "u": made.inputs[:, 0], "flow": made.outputs[:, 0] * 1e3, "level": made.outputs[:, 1]}
+        days.append(str(tmp_path / f"day{k}.csv"))
+        write_recording(tmp_path / f"day{k}.csv", columns)
+    written = tmp_path / "fitted.yaml"
+    assert main(["fit", str(tmp_path / "model.yaml"), *days, "-o", str(written), "--json", str(tmp_path / "f")]) == DONE
+    (record,) = [item for item in map(json.loads, (tmp_path / "f").read_text().splitlines()) if item["record"] == "fit"]
+    moved = {item["parameter"]: item["size"] for item in record["wanders"]}
+    known = parse_model(written.read_text()).parameter("u_lag")
+    assert 0.1 < moved["u_lag"] < 0.4
+    assert known.accuracy >= moved["u_lag"] * known.nominal
+    told = {item["name"]: item for item in record["parameters"]}["u_lag"]
+    assert told["sd"] < 0.5 * told["accuracy"]  # the standard error alone would say that it is known far better

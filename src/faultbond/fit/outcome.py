@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -132,6 +132,15 @@ def estimates_of(found: Fit) -> tuple[Estimate, ...]:
             )
         )
     return tuple(estimates)
+
+
+def loosened(estimates: Sequence[Estimate], parts: Mapping[str, float]) -> tuple[Estimate, ...]:
+    """Give estimates whose accuracy is at least some part of the value: of constants that moved while healthy.
+
+    parts : by names
+    """
+    least = [parts.get(item.parameter.name, 0.0) * abs(item.value) for item in estimates]
+    return tuple(replace(item, accuracy=max(item.accuracy, size)) for item, size in zip(estimates, least, strict=True))
 
 
 def correlations_of(

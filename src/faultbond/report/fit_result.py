@@ -22,6 +22,7 @@ from faultbond.fit.outcome import (
     correlations_of,
     estimates_of,
     faint_of,
+    loosened,
     noises_of,
     residual_sizes,
     silences_of,
@@ -222,8 +223,9 @@ def with_seen_inputs(text: str, graph: BondGraph, read: Iterable[Sequence[Sample
 
 
 def fitted_model(graph: BondGraph, found: Fit, version: str, wanders: tuple[Wander, ...] = ()) -> Fitted:
-    """Give what a fit means for its model."""
-    estimates = estimates_of(found)
+    """Give what a fit means for its model. What says how something lags cannot wander: it is known to no better."""
+    moved = {item.parameter: item.size for item in wanders if item.parameter in graph.lags}
+    estimates = loosened(estimates_of(found), moved)
     return Fitted(
         graph=graph,
         found=found,
@@ -454,8 +456,8 @@ def _wander_text(item: Wander, lags: Collection[str]) -> str:
     """Say what a parameter that seems to wander is to declare; what says how something lags cannot wander."""
     if item.parameter in lags:
         return (
-            f"{item.parameter}, as it seems: no one value does for all that was recorded. Give it an `accuracy` of "
-            f"{100 * item.size:.2g} % or more in the model that is written ({item.gain:.0f} nats)"
+            f"{item.parameter}, as it seems, by {100 * item.size:.2g} %: no one value does for all that was recorded. "
+            f"A lag is a constant to the model, so its accuracy says so ({item.gain:.0f} nats)"
         )
     length, unit = next((pair for pair in ((3600.0, "h"), (60.0, "min")) if item.memory >= 2.0 * pair[0]), (1.0, "s"))
     declared = f"{100 * item.size:.2g} % over {figure(item.memory / length, digits=2).number()} {unit}"

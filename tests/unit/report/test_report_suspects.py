@@ -222,4 +222,5 @@ def test_what_lags_cannot_wander() -> None:
     wanders = [Wander(parameter=name, size=0.16, memory=20.0, gain=165.0) for name in ("K", "u_lag")]
     texts = [_wander_text(item, graph.lags) for item in wanders]
     assert "declare `wander: 16 % over 20 s` and fit again (165 nats)" in texts[0]
-    assert "Give it an `accuracy` of 16 % or more in the model that is written (165 nats)" in texts[1]
+    assert "u_lag, as it seems, by 16 %: " in texts[1]
+    assert "its accuracy says so (165 nats)" in texts[1]
