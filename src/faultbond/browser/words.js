@@ -155,7 +155,7 @@ function noClaim(diagnosis, detection) {
   }
   if (diagnosis.unexplained) return unexplainedSentence(diagnosis.unexplained);
   if (!(diagnosis.within_accuracy > diagnosis.candidates[0].probability)) return "";
-  return `Something changed, by no more than the model declares of healthy parts (\`accuracy\`, \`healthy_change\`), ${certaintyText(diagnosis.within_accuracy)}: no fault is claimed.`;
+  return `Something was otherwise, but nothing is further off than healthy parts may be (\`accuracy\`, \`healthy_change\`, \`healthy_bias\`), ${certaintyText(diagnosis.within_accuracy)}: no fault is claimed.`;
 }
 
 function actionText(item) {
@@ -207,13 +207,6 @@ function wanderText(name) {
   return MODEL.wanders.includes(name) ? ", or its `wander` larger or longer" : ", or that it wanders";
 }
 
-// Whether what changed in a candidate may all be what it was: then there is no fault to be claimed.
-function isNone(candidate) {
-  const items = suspectsOf(candidate);
-  if (!["step", "bias", "gain"].includes(candidate.kind) || !items.length) return false;
-  return items.every(([name, item]) => item.stopped == null && !isUndetermined(name, item) && !isOff(item));
-}
-
 // What a diagnosis says, in plain words.
 function verdictSentence(diagnosis, detection) {
   const group = bestGroup(diagnosis), best = group[0], suspects = suspectsOf(best);
@@ -227,9 +220,6 @@ function verdictSentence(diagnosis, detection) {
   let event = `${owners} ${isOne ? "is" : "are"} at fault`;
   if (best.kind === "intermittent") event = `a fault of ${owners} comes and goes`;
   else if (["step", "ramp", "drift"].includes(best.kind) && !isMixed) event = `${owners} ${best.kind !== "drift" ? "changed" : isOne ? "drifts" : "drift"}`;
-  if (isNone(best)) {
-    return `Something was otherwise than the model says, and a fault of ${owners} comes nearest to it; but ${changes}: no fault is claimed.`;
-  }
   return `Most likely ${event}: ${changes}${certaintyOf(diagnosis)}.${otherwiseText(best)}`;
 }
 

@@ -1,6 +1,7 @@
 /* What lies within the declared accuracy. That of a parameter says what is not known of it, so a change of less than that is
    no fault: a healthy parameter may move by half its accuracy (sd) where the model leaves something out, and by what is found
-   of it on healthy data, if that is more. A sensor or input may be off by the bias that is found of it there.
+   of it on healthy data, if that is more. A sensor or input may be off by the bias that is found of it there; where none was,
+   and where a parameter is known exactly, a healthy one is off by nothing.
 
    Each hypothesis says of its suspects that they are at fault. Of what it says, the part for which the change of a suspect is
    that of a healthy parameter goes to the hypothesis without it; where none is left, to none at all. Both are taken to be as
@@ -69,11 +70,13 @@ static Off off_beside(const State *state, int64_t lane, const Suspect *suspects,
     return off;
 }
 
-/* Log-odds that something is off by what a healthy one may be, and not by what a faulty one may be; sds, and a variance of it. */
+/* Log-odds that something is off by what a healthy one may be, and not by what a faulty one may be; sds, and a variance of it.
+   -inf where that is not to be told. */
 static double odds_healthy(double off, double healthy, double faulty, double variance)
 {
-    const double most = fmax(faulty, healthy);
-    return log_density(off, healthy * healthy + variance) - log_density(off, most * most + variance);
+    const double least = healthy * healthy + variance, most = fmax(faulty, healthy);
+    if (!(least > 0.0 && most > 0.0)) return -INFINITY;
+    return log_density(off, least) - log_density(off, most * most + variance);
 }
 
 /* Largest size of input k in its own unit, of which a gain is, SI; 0 where none was seen. */
@@ -84,13 +87,13 @@ static double largest_shown(const Inputs *inputs, int k)
 }
 
 /* Log-odds that the bias of a sensor or an input is that of a healthy one, or what a gain of an input makes of its largest value;
-   -inf where none was found on healthy data, and of what is neither. */
+   -inf of what is neither. */
 static double odds_unbiased(const State *state, const Suspect *suspect)
 {
     const int k = (int)suspect->input, j = (int)suspect->output;
     const double healthy = k >= 0 ? INPUT_HEALTHY_BIAS[k] : OUTPUT_HEALTHY_BIAS[j];
     const int is_gain = k >= 0 && suspect->word == WORD_GAIN;
-    if ((suspect->word != WORD_BIAS && !is_gain) || !(healthy > 0.0)) return -INFINITY;
+    if (suspect->word != WORD_BIAS && !is_gain) return -INFINITY;
     const double largest = is_gain ? largest_shown(&state->inputs, k) : k >= 0 ? peak_of(&state->inputs, k) : 0.0;
     const double faulty = k >= 0 ? INPUT_CHANGE * largest : OUTPUT_CHANGE * OUTPUT_NOISE[j];
     const double unit = is_gain ? largest : 1.0, sd = unit * suspect->sd;
@@ -106,7 +109,6 @@ static double odds_within(const State *state, int64_t lane, const Suspect *suspe
     const int k = (int)suspect->parameter;
     if (!isfinite(suspect->estimate) || !isfinite(suspect->sd)) return -INFINITY;
     if (k < 0) return odds_unbiased(state, suspect);
-    if (!(ACCURACY[k] > 0.0)) return -INFINITY;
     const double value = suspect->estimate / SCALE[k], sd = suspect->sd / SCALE[k];
     Off is = {value - state->bank.healthy[AT_PARAMETERS + k], value - HEALTHY[k], sd * sd, ACCURACY[k]};
     if (is_tied(k)) is = off_beside(state, lane, suspects, n, i, is, given);

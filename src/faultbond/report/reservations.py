@@ -28,8 +28,8 @@ def reason_for_none(graph: BondGraph, diagnosis: Diagnosis, began: Detection) ->
         return ""
     sure = certainty_text(diagnosis.within_accuracy)
     return (
-        "Something changed, by no more than the model declares of healthy parts (`accuracy`, `healthy_change`), "
-        f"{sure}: no fault is claimed."
+        "Something was otherwise, but nothing is further off than healthy parts may be (`accuracy`, `healthy_change`, "
+        f"`healthy_bias`), {sure}: no fault is claimed."
     )
 
 

@@ -224,15 +224,6 @@ def _is_input(graph: BondGraph, suspect: Suspect) -> bool:
     return any(item.name == suspect.component for item in graph.inputs)
 
 
-def is_none(graph: BondGraph, candidate: Candidate) -> bool:
-    """Tell whether what changed in a candidate may all be what it was: then there is no fault to be claimed."""
-    if candidate.kind not in (FaultKind.STEP, FaultKind.BIAS, FaultKind.GAIN) or not candidate.suspects:
-        return False
-    return not any(
-        item.stopped is not None or is_undetermined(graph, item) or _is_off(item) for item in candidate.suspects
-    )
-
-
 def _is_off(suspect: Suspect) -> bool:
     return abs(suspect.estimate - (suspect.nominal or 0.0)) >= SIGNIFICANT * suspect.sd
 

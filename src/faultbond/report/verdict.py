@@ -41,7 +41,6 @@ from faultbond.report.suspects import (
     SuspectRow,
     change_of,
     instrument_of,
-    is_none,
     otherwise,
     owner_of,
     rows_of,
@@ -359,11 +358,6 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         return (
             f"Cannot yet be told apart: {listed}.{hint} "
             f"{best_next} next: {action(graph, diagnosis.advice[0], notation)}."
-        )
-    if is_none(graph, best):
-        return (
-            f"Something was otherwise than the model says, and a fault of {owners} comes nearest to it; but {changes}: "
-            "no fault is claimed."
         )
     return f"Most likely {_event(best, owners)}: {changes}{certainty(graph, diagnosis)}.{otherwise(best)}"
 

@@ -162,14 +162,6 @@ def test_without_a_test_of_the_rest_a_set_keeps_its_share() -> None:
     assert found["within_accuracy"] < 1e-9
 
 
-def test_an_instrument_has_no_accuracy() -> None:
-    """A bias of a sensor is never within it."""
-    state, lane = diagnosed(), slot_of(output=0, kind=FaultKind.BIAS)
-    state.only(state.n_steps + lane)
-    state.lane("slot", lane)[SIZE] = 1e-6
-    assert told(state)[0] < 1e-9
-
-
 OFF = 0.02  # A and V, by which instruments are off on healthy data
 BIASED = replace(
     SPEC,
@@ -180,7 +172,7 @@ MIXED = replace(BIASED, coupled=True, reserve=())
 PEAK = 4.0  # V, the largest size of the input
 
 
-def part_unbiased(bias: float, sd: float, faulty: float) -> float:
+def part_unbiased(bias: float, sd: float, faulty: float, healthy: float = OFF) -> float:
     """The part of a hypothesis that says no more than that an instrument is as on healthy data, by its density."""
     variance = sd**2 / SHARE
 
@@ -188,7 +180,7 @@ def part_unbiased(bias: float, sd: float, faulty: float) -> float:
         square = spread**2 + variance
         return exp(-0.5 * bias**2 / square) / sqrt(2.0 * pi * square)
 
-    return density(OFF) / (density(OFF) + density(faulty))
+    return density(healthy) / (density(healthy) + density(faulty))
 
 
 def seen_inputs(state: Diagnosed) -> Diagnosed:
@@ -213,6 +205,45 @@ def test_a_bias_as_on_healthy_data_is_no_fault(parts: float, is_output: bool) ->
     assert told(state)[0] == pytest.approx(right, rel=1e-6)
     assert (right > 0.5) == (parts <= 2.0)
     assert (right < 0.1) == (parts == 4.0)
+
+
+@pytest.mark.parametrize("parts", [0.0, 2.0, 3.0, 6.0])
+@pytest.mark.parametrize("is_output", [True, False])
+def test_where_nothing_was_found_of_it_a_healthy_instrument_is_right(parts: float, is_output: bool) -> None:
+    """A bias that may still be 0 by its standard deviation says that nothing is at fault, the surer it is the more."""
+    state = seen_inputs(diagnosed())
+    place = {"output": 0} if is_output else {"input": 0}
+    lane = slot_of(kind=FaultKind.BIAS, **place)
+    unit = SPEC.outputs[0].noise if is_output else 1.0
+    faulty = BIASES[-1] * SPEC.outputs[0].noise if is_output else INPUT_BIASES[-1] * PEAK
+    state.only(state.n_steps + lane)
+    numbers, sd = state.lane("slot", lane), 0.01 * faulty
+    bias = parts * sd / sqrt(SHARE)
+    numbers[SIZE], numbers[covariance_place(WIDE, SIZE, SIZE)] = bias / unit, (sd / unit) ** 2
+    right = part_unbiased(bias, sd, faulty, healthy=0.0)
+    assert told(state)[0] == pytest.approx(right, rel=1e-6)
+    assert (right > 0.5) == (parts <= 2.0)
+    assert (right < 1e-3) == (parts == 6.0)
+
+
+def test_of_an_input_that_was_always_nothing_no_bias_is_within() -> None:
+    """Nobody knows how large its faults are."""
+    state, lane = diagnosed(), slot_of(input=0, kind=FaultKind.BIAS)
+    state["inputs.lowest"] = state["inputs.highest"] = 0.0
+    state.only(state.n_steps + lane)
+    assert told(state)[0] < 1e-9
+
+
+def test_a_parameter_that_is_known_exactly_may_still_be_nominal() -> None:
+    """A change of less than its own standard deviation says that nothing is at fault; one of many does not."""
+    index, sd = 1, 0.01
+    known = tuple(replace(item, accuracy=0.0) if k == index else item for k, item in enumerate(SPEC.parameters))
+    for change, is_fault in ((0.5 * sd, False), (20.0 * sd, True)):
+        state = diagnosed(replace(SPEC, parameters=known))
+        lane = int(np.flatnonzero(STEPS.hypothesis == index)[0])
+        state.only(lane)
+        found_at(state, lane, {index: change}, sd)
+        assert (told(state)[0] < 0.5) == is_fault
 
 
 ZERO = 0.5  # V, of the unit of the input

@@ -150,21 +150,6 @@ def test_a_model_that_may_be_off_is_told_as_by_run(
     page.close()
 
 
-@pytest.mark.parametrize(("sd", "claimed"), [(1e-4, False), (1e-6, True)])
-def test_a_bias_that_may_be_none_is_no_claim(sd: float, claimed: bool, page: Any, recordings: dict[str, Path]) -> None:
-    """As in a report, however likely it is."""
-    play(page, recordings["faulty"])
-    told = next(item for item in reversed(saved(page)) if item["record"] == "diagnosis")
-    bias = {"nominal": 0.0, "estimate": 1e-5, "sd": sd}
-    best = {"components": ["flow"], "parameters": {"flow.bias": bias}, "probability": 0.9999, "group": True}
-    told["candidates"] = [best | {"kind": "bias", "kinds": {"bias": 1.0}, "present": True}]
-    words = "\n".join((BROWSER / name).read_text(encoding="utf-8") for name in ("numbers.js", "words.js"))
-    model = "const MODEL = JSON.parse(document.getElementById('model').textContent);"
-    said = page.evaluate(f"found => {{ {model}\n{words}\nreturn verdictSentence(found, null); }}", told)
-    assert said.startswith("Most likely" if claimed else "Something was otherwise than the model says")
-    assert said.endswith("its bias may still be 0: no fault is claimed.") is not claimed
-
-
 def test_what_is_suspected_is_coloured(page: Any, recordings: dict[str, Path]) -> None:
     """The part that is most likely at fault is first in the ranking, and coloured in the drawing."""
     play(page, recordings["faulty"])
