@@ -217,15 +217,21 @@ def test_what_does_not_show_is_named(model: Path, tmp_path: Path) -> None:
     assert record["parameters"][1]["sd"] == pytest.approx(0.05 * 2.5, rel=0.1)
 
 
-def test_wild_readings_are_left_out(model: Path, tmp_path: Path) -> None:
-    """Three readings a million times too large change nothing, and are counted."""
+def test_wild_readings_are_left_out(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Five readings a million times too large change nothing, and are told, the first ones by sensor and time."""
     path = write_current(tmp_path / "a.csv")
     lines = path.read_text(encoding="utf-8").splitlines()
-    for k in (100, 333, 700):
+    places = (100, 333, 700, 720, 740)
+    for k in places:
         lines[k] = lines[k].rsplit(",", 1)[0] + ",1e6"
     (tmp_path / "wild.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     good, wild = call("fit", model, path), call("fit", model, tmp_path / "wild.csv")
-    assert (good["wild"], wild["wild"]) == (0, 3)
+    assert (good["wild"], wild["wild"], good["left_out"]) == (0, 5, [])
+    times = [float(lines[k].split(",")[0]) for k in places]
+    assert [item["time"] for item in wild["left_out"]] == pytest.approx(times)
+    assert {(item["recording"], item["sensor"]) for item in wild["left_out"]} == {(str(tmp_path / "wild.csv"), "i")}
+    named = ", ".join(f"i at {time:g} s" for time in times[:4])
+    assert f"left out 5 readings far off all others: {named} and 1 more" in " ".join(capsys.readouterr().out.split())
     assert wild["parameters"][0]["estimate"] == pytest.approx(good["parameters"][0]["estimate"], rel=2e-3)
 
 

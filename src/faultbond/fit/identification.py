@@ -71,9 +71,14 @@ class Fit:
     changes: tuple[Change, ...]
 
     @property
-    def wild(self) -> int:
-        """How many readings were left out since they lie far off all others."""
-        return sum(item.wild for item in self.records)
+    def wild(self) -> tuple[tuple[str, float, int], ...]:
+        """Readings that were left out since they lie far off all others: recording, time (s), number of the sensor."""
+        return tuple(
+            (item.name, float(item.time[k]), int(j))
+            for item in self.records
+            if item.wild is not None
+            for k, j in np.argwhere(item.wild)
+        )
 
     @property
     def contradicted(self) -> dict[str, float]:

@@ -26,7 +26,8 @@ class HealthyRecording:
 
     points: of the whole recording. time (N,), s; u (N, n_inputs), held where absent; y (N, n_outputs), nan where
     absent; packed (N, spec.n_sample), as the engine takes them; samples (N, n), as the likelihood does, see
-    `likelihood.sample_fields`; use (N, n_outputs), which readings count.
+    `likelihood.sample_fields`; use (N, n_outputs), which readings count; wild (N, n_outputs), which were left out since
+    they lie far off: None, none was.
     """
 
     name: str
@@ -37,7 +38,7 @@ class HealthyRecording:
     packed: FloatArray
     samples: FloatArray
     use: BoolArray
-    wild: int = 0  # readings left out since they lie far off
+    wild: BoolArray | None = None
 
     @property
     def readings(self) -> int:
@@ -46,9 +47,9 @@ class HealthyRecording:
 
     def without(self, wild: BoolArray) -> "HealthyRecording":
         """Give the recording with some readings (N, n_outputs) left out."""
-        samples, use = self.samples.copy(), self.use & ~wild
+        samples, use, far = self.samples.copy(), self.use & ~wild, self.use & wild
         samples[:, sample_fields(self.u.shape[1], self.y.shape[1], 0)["use"]] = use
-        return replace(self, samples=samples, use=use, wild=self.wild + int((self.use & wild).sum()))
+        return replace(self, samples=samples, use=use, wild=far if self.wild is None else self.wild | far)
 
 
 def trusted(spec: EngineSpec, packed: FloatArray) -> BoolArray:

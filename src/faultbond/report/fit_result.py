@@ -50,6 +50,7 @@ from faultbond.report.numbers import (
 )
 from faultbond.report.together import closest_texts
 
+MOST_NAMED = 4  # readings that were left out
 ENOUGH = 10  # samples for each value that is sought
 FORMAL = 0.05  # of the noise of a sensor; a slow error as small is declared for the sake of what it does after moves
 AT_MOST = 0.999  # of what is declared; a slow error is not found larger
@@ -347,7 +348,8 @@ def fit_record(fitted: Fitted, output: Path | None, *, stopped: bool = False) ->
         "log_likelihood_before": found.before,
         "changes": [asdict(item) for item in found.changes],
         "wanders": [asdict(item) for item in fitted.wanders],
-        "wild": found.wild,
+        "wild": len(found.wild),
+        "left_out": [{"recording": name, "time": time, "sensor": sensors[j]} for name, time, j in found.wild],
         "starts": found.starts,
         "reached": found.reached,
         "settled": found.summit.settled,
@@ -367,7 +369,7 @@ def print_fit(console: Console, fitted: Fitted, output: Path | None) -> None:
         told = f"the data contradict those declared and agree with wider ones: {', '.join(wide)}"
         data.append(("accuracies", told))
     if found.wild:
-        data.append(("left out", f"{found.wild} readings far off all others"))
+        data.append(("left out", _left_out_text(fitted)))
     if found.starts > 1:
         data.append(("search", f"{found.reached} of {found.starts} starts end at the same values"))
     lines(console, data)
@@ -386,6 +388,18 @@ def print_fit(console: Console, fitted: Fitted, output: Path | None) -> None:
         console.print(Text(sentence, style="bold yellow"))
     if output is not None:
         console.print(Text(f"Model written: {output}", style="bold"))
+
+
+def _left_out_text(fitted: Fitted) -> str:
+    """Say which readings were left out: the first ones by sensor, time and recording."""
+    wild, sensors = fitted.found.wild, fitted.graph.sensors
+    several = len(fitted.found.records) > 1
+    named = [
+        f"{sensors[j].name} at {clock_text(time)}" + (f" of {Path(name).name}" if several else "")
+        for name, time, j in wild[:MOST_NAMED]
+    ]
+    more = [f"{len(wild) - MOST_NAMED} more"] if len(wild) > MOST_NAMED else []
+    return f"{with_noun(len(wild), 'reading')} far off all others: {join([*named, *more])}"
 
 
 def parameter_rows(fitted: Fitted) -> list[tuple[str, ...]]:
