@@ -58,7 +58,7 @@ static const Field FIELDS[] = {
     ANYTHING(bank.noted), COUNT(bank.noted_at),
     WHOLE(job.kind, 0.0, 3.0), WHOLE(job.renewals, 0.0, 3.0), NUMBER(job.ended), NUMBER(job.settled), COUNT(job.oldest),
     COUNT(job.end), WHOLE(job.old, -1.0, SNAPSHOTS - 1.0), WHOLE(job.change, -LARGEST_COUNT, LARGEST_COUNT),
-    ENDLESS(job.peak), COUNT(job.spent), WHOLE(job.stage, 0.0, 7.0), WHOLE(job.group, 0.0, MOST_GROUPS),
+    ENDLESS(job.peak), COUNT(job.spent), COUNT(job.opened), POSITIVE(job.price), WHOLE(job.stage, 0.0, 7.0), WHOLE(job.group, 0.0, MOST_GROUPS),
     WHOLE(job.pass, 0.0, 3.0), WHOLE(job.onset, -1.0, MOST_ONSETS - 1.0), COUNT(job.next),
     WHOLE(job.n_wanted, 0.0, N_STEPS), WHOLE(job.n_singles, 0.0, N_STEPS),
     WHOLE(job.wanted, 0.0, N_PLANNED > 0 ? N_PLANNED - 1.0 : 0.0),

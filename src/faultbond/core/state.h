@@ -111,7 +111,9 @@ typedef struct {
     int64_t old;         /* the lane of long ago, one of the snapshots; -1: none is kept */
     int64_t change;      /* place of the estimated onset */
     double peak[FB_ROOM(N_INPUTS)]; /* largest size of each input up to `end`, SI */
-    int64_t spent;       /* what the work has cost so far, in samples of a group of plain lanes */
+    int64_t spent;       /* what the work has cost so far, in samples of a group of plain lanes, */
+    int64_t opened;      /* and what it had when the group began */
+    double price;        /* of a share in the work before; 0: there was none since the alarm, see work.h */
     int64_t stage, group, pass; /* which group it is at */
     int64_t onset;       /* that which its lanes now begin at, of those in the search; -1: none */
     int64_t next;        /* sample that they take next */

@@ -28,6 +28,8 @@ FB_SELDOM
 #define ENOUGH 10      /* of so many parts of the work one tells what the others will cost */
 #define BEFORE 60      /* samples before all onsets so far with which a trail begins from which lanes begin again */
 #define HOPELESS 40.0  /* nats by which a lane may be less likely than the best, and its onset is still sought */
+#define FIRST_PART 0.4 /* of the time for beginning again twice; the second takes longer, since more samples lie behind */
+#define NEARLY 0.9     /* of a group may be done, by what it has cost, as long as it is not */
 #define TO_BEGIN 8     /* of beginning a group at an onset, in that of a sample */
 
 enum { IDLE, BEGINNING, RENEWING, RENEWING_ALL };             /* kinds of work, */
@@ -78,7 +80,7 @@ static void begin_job(State *state, int64_t kind, const Trail *trail, int64_t ch
     job->old = trail->old ? (trail->old - state->healthy.snapshots[0]) / KEPT_NUMBERS : -1;
     job->change = change;
     for (int k = 0; k < N_INPUTS; k++) job->peak[k] = peak_of(&state->inputs, k);
-    job->spent = job->stage = job->group = 0;
+    job->spent = job->opened = job->stage = job->group = 0;
     job->pass = OPENING;
     job->onset = -1;
     job->most = LOWEST;
@@ -513,10 +515,37 @@ static void follow_best(State *state)
     fill_last_block(bank);
 }
 
+/* What a group is likely to cost, in that of one at the alarm that is told where to look. Where lanes begin again, they do so at
+   every sample about their onset. */
+static inline int64_t share_of(const Job *job, int64_t stage)
+{
+    const int again = job->kind != BEGINNING;
+    if (stage == SLOTS || stage == COUPLES) return (again ? 6 : 4) * WIDE_COST;
+    if (stage == RAMPS) return (again ? 20 : 8) * WIDE_COST;
+    return again ? 6 : stage == SETS ? 1 : 4;
+}
+
+/* Shares of all groups of the work; `done`: of those that are. */
+static int64_t shares_of(State *state, SlotMemory *memory, int64_t *done)
+{
+    const Job *job = &state->job;
+    int64_t all = 0;
+    *done = job->stage < N_STAGES ? job->group * share_of(job, job->stage) : 0;
+    for (int64_t stage = 0; stage < N_STAGES; stage++) {
+        const int64_t share = share_of(job, stage) * BLOCKS(lanes_of_stage(&state->bank, job, stage, memory));
+        all += share;
+        if (stage < job->stage) *done += share;
+    }
+    return all;
+}
+
 /* The work is done. */
-static void end_job(State *state)
+static void end_job(State *state, SlotMemory *memory)
 {
     Job *job = &state->job;
+    int64_t done;
+    const int64_t all = shares_of(state, memory, &done);
+    if (all > 0) job->price = (double)job->spent / (double)all;
     if (job->kind == RENEWING_ALL) follow_best(state);
     if (job->kind == BEGINNING) begin_misfit(&state->bank, state->clock.index);
     job->ended = state->clock.index;
@@ -532,7 +561,7 @@ static void next_group(State *state, SlotMemory *memory)
         job->stage++;
         job->group = 0;
     }
-    if (job->stage == N_STAGES) end_job(state);
+    if (job->stage == N_STAGES) end_job(state, memory);
 }
 
 /* What a sample costs that the group takes. */
@@ -571,6 +600,7 @@ static int64_t work_a_little(State *state, const Trail *trail, int64_t most, Ban
     Job *job = &state->job;
     if (job->pass == OPENING) {
         next_group(state, &memory->slots);
+        job->opened = job->spent;
         if (job->kind != IDLE) open_group(state, trail, memory);
         return 1;
     }
@@ -592,41 +622,40 @@ static int64_t work_a_little(State *state, const Trail *trail, int64_t most, Ban
     return n;
 }
 
-/* What a group is likely to cost, in that of one that is told where to look. */
-static inline int64_t share_of(const Job *job, int64_t stage)
-{
-    if (stage == SLOTS || stage == COUPLES) return (job->kind == BEGINNING ? 4 : 1) * WIDE_COST;
-    if (stage == RAMPS) return 8 * WIDE_COST;
-    return job->kind == BEGINNING && stage != SETS ? 4 : 1;
-}
-
 /* Sample at which the work may end at the latest. Samples that it needs are not kept for ever; and where the bank is to begin
-   again once more, those about the alarm are still needed then, if there is time enough for it. */
+   again once more, those about the alarm are still needed then, if there is time enough for it: in a part of that where it is to do
+   so twice. */
 static int64_t latest_end(const State *state)
 {
     const Job *job = &state->job;
     const int64_t kept = job->oldest + N_ROWS - 1, about_alarm = state->clock.alarm + DEPTH - 2;
     if (job->kind == BEGINNING) return job->end + AWAITED;
-    if (job->renewals < N_RENEWALS && about_alarm - job->end >= SPREAD / 2 && about_alarm < kept) return about_alarm;
-    return kept;
+    const int64_t both = about_alarm - job->end;
+    if (job->renewals >= N_RENEWALS || both < SPREAD / 2) return kept;
+    const int64_t latest = job->renewals + 1 < N_RENEWALS ? job->end + (int64_t)(FIRST_PART * (double)both) : about_alarm;
+    return latest < kept ? latest : kept;
+}
+
+/* What is left of the work is likely to cost, by what a share did so far, or in the work before; 0: nobody knows. */
+static double cost_left(State *state, SlotMemory *memory)
+{
+    const Job *job = &state->job;
+    int64_t done;
+    const int64_t all = shares_of(state, memory, &done);
+    const double price = done > 0 && ENOUGH * done >= all ? (double)job->opened / (double)done : job->price;
+    const double group = price * (double)(job->stage < N_STAGES ? share_of(job, job->stage) : 0);
+    return price * (double)(all - done) - fmin((double)(job->spent - job->opened), NEARLY * group);
 }
 
 /* What the work may cost now, in samples of a group of plain lanes, so that no step takes long, and the work ends in time: the
    first diagnosis waits for it, and samples that it needs are not kept for ever. */
 static int64_t portion_of(State *state, SlotMemory *memory)
 {
-    const Job *job = &state->job;
     const double groups = (double)(BLOCKS(N_STEPS) + WIDE_COST * (BLOCKS(SWITCHED) + 2 * BLOCKS(N_PAIRS)));
     const double usual = BANK_STEPS * groups * (SAMPLE_TIME > 1.0 ? SAMPLE_TIME : 1.0);
     const int64_t left = latest_end(state) - state->clock.index;
-    int64_t all = 0, done = job->group * share_of(job, job->stage);
     if (left <= 0 || !(usual < 1e15)) return INT64_MAX;
-    for (int64_t stage = 0; stage < N_STAGES; stage++) {
-        const int64_t share = share_of(job, stage) * BLOCKS(lanes_of_stage(&state->bank, job, stage, memory));
-        all += share;
-        if (stage < job->stage) done += share;
-    }
-    const double needed = ENOUGH * done >= all ? (double)job->spent / (double)done * (double)(all - done) / (double)left : 0.0;
+    const double needed = cost_left(state, memory) / (double)left;
     return (int64_t)(needed > usual && needed < 1e15 ? needed : usual) + 1;
 }
 
