@@ -149,6 +149,7 @@ PLAIN |= {
 }
 NEAR = {"ladder": 1e-8, "nine": 1e-9}  # their starts are a thousand times as wide as what the sensors leave
 SLOTTED = {"tank": 200, "dc_motor_current": 200, "rlc": 200, "rc": 200, "cascaded_tanks": 100, "lamp": 35}
+NEAR_SLOTS = {"rlc": 2e-10}  # rounding adds up to 0.94e-10 or 1.05e-10, as the compiler contracts products
 SLOTTED |= {"linear lamp": 35, "next lamp": 35, "late pump": 100}
 
 
@@ -175,7 +176,10 @@ def test_lanes_with_a_slot_are_those_of_the_textbook(name: str) -> None:
     spec, samples = plant.spec, recording(plant, SLOTTED[name])
     plan, peak = plan_slots(spec), np.abs(samples[:, spec.sample_fields["u"]]).max(axis=0)
     y, u = (samples[0, spec.sample_fields[name]] for name in ("y", "u"))
-    first = {(lane.kind, lane.output, lane.input, lane.acts): k for k, lane in reversed(list(enumerate(plan.lanes)))}
+    first = {
+        (lane.kind, lane.output, lane.input, lane.acts, lane.keeps): k
+        for k, lane in reversed(list(enumerate(plan.lanes)))
+    }
     at_once = set() if any(item.settling or item.lag for item in spec.parameters) else {FaultKind.STEP}
     assert {kind for kind, *_ in first} == set(FaultKind) - at_once
     one = two = slot_lanes(spec, plan, list(first.values()), healthy_of(plant, name)[:, 0], peak, y, u)
@@ -184,7 +188,7 @@ def test_lanes_with_a_slot_are_those_of_the_textbook(name: str) -> None:
         one, seen_one = plant.core.slot.advance(one, block)
         two, seen_two = plant.dense.slot.advance(two, block)
         assert np.all(np.isfinite(two))
-        assert apart(spec.slotted, one, two) < 1e-10
+        assert apart(spec.slotted, one, two) < NEAR_SLOTS.get(name, 1e-10)
         assert innovations_apart(spec, seen_one, seen_two) < 1e-10
 
 

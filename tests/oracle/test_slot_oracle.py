@@ -37,13 +37,15 @@ class Acts:
     gain: float = 0.0
     added: float = 0.0
     scatter: float = 1.0  # noise variance in that declared
+    keeps: float = 0.0  # 1: the capacitor keeps its charge while its capacity moves, else its voltage
 
 
 def acts_of(lane: SlotLane) -> Acts:
     """What each kind of fault means, in the units of its size: noise of a sensor, volts of the input, or of none."""
     if lane.parameter >= 0:
         there = float(lane.acts)
-        return Acts(resistor=there * (lane.parameter == 0), capacitor=there * (lane.parameter == 1))
+        keeps = float(lane.keeps)
+        return Acts(resistor=there * (lane.parameter == 0), capacitor=there * (lane.parameter == 1), keeps=keeps)
     if lane.scales:
         return Acts(of_record=1.0) if lane.input >= 0 else Acts(gain=1.0)
     if lane.input >= 0:
@@ -85,13 +87,24 @@ def predicted(
     k2, d2 = inside * (f - 2.0 * k1), inside * (slope @ moved - 2.0 * d1)
     F = np.eye(6)
     F[VOLTAGE] += dt * (1.5 * d1 + 0.5 * d2)
-    F[SIZE, RATE] = dt
-    F[INPUT, INPUT] = 0.0
     following = z.copy()
     following[VOLTAGE] += dt * (1.5 * k1 + 0.5 * k2)
+    scattered = np.diag([unknown * (dt > 0.0), 0.0, 0.0, 0.0, 0.0, 0.0])
+    if acts.keeps:  # q = C e stays: e goes as 1 / C
+        before = z[FACTOR_C] + acts.capacitor * z[SIZE]
+        after = before + acts.capacitor * dt * z[RATE]
+        kept = np.eye(6)
+        kept[VOLTAGE, VOLTAGE] = before / after
+        following[VOLTAGE] *= before / after
+        kept[VOLTAGE, FACTOR_C] = following[VOLTAGE] * (1.0 / before - 1.0 / after)
+        kept[VOLTAGE, SIZE] = acts.capacitor * kept[VOLTAGE, FACTOR_C]
+        kept[VOLTAGE, RATE] = -following[VOLTAGE] * acts.capacitor * dt / after
+        F, scattered = kept @ F, kept @ scattered @ kept.T
+    F[SIZE, RATE] = dt
+    F[INPUT, INPUT] = 0.0
     following[SIZE] += dt * z[RATE]
     following[INPUT] = 0.0
-    return following, F @ P @ F.T + np.diag([unknown * (dt > 0.0), 0.0, 0.0, 0.0, 0.0, NOISE_V**2])
+    return following, F @ P @ F.T + scattered + np.diag([0.0, 0.0, 0.0, 0.0, 0.0, NOISE_V**2])
 
 
 def updated(z: FloatArray, P: FloatArray, y: float, acts: Acts) -> tuple[FloatArray, FloatArray, float]:

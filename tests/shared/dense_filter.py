@@ -116,19 +116,48 @@ class DenseFilter:
             z[i] *= decay
             F[i, i] = decay
             Q[i] = error.sd**2 * (1.0 - decay**2) + fields["kick"][k]
+        jump = np.eye(spec.n_joint)
         if spec.slot:
             size = spec.slot_slice.start
             moves, fades = lane.roles["moves"][0] * dt, lane.roles["fades"][0]
             left = np.exp(-fades * moves)
             F[size, size + 1] = (1.0 - left) / fades if fades > 0.0 else moves
+            jump = self.jump(lane, z, F[size, size + 1])
             z[size] += F[size, size + 1] * z[size + 1]
             F[size + 1, size + 1] = left
             z[size + 1] *= left
         z[spec.noise_slice] *= fields["fade"]  # 0 where it is white: every sample has its own
         F[spec.noise_slice] *= fields["fade"][:, None]
         Q[spec.noise_slice] = fields["fresh"]
-        P = F @ lane.P @ F.T + np.diag(Q)
+        moved = np.arange(spec.n_joint) < n_x
+        first, rest = (
+            np.where(moved[:, None], F, np.eye(spec.n_joint)),
+            np.where(moved[:, None], np.eye(spec.n_joint), F),
+        )
+        P = rest @ jump @ (first @ lane.P @ first.T + np.diag(Q * moved)) @ jump.T @ rest.T + np.diag(Q * ~moved)
         return replace(lane, z=z, P=0.5 * (P + P.T), implicit=implicit)
+
+    def jump(self, lane: Lane, z: FloatArray, dt: float) -> FloatArray:
+        """Let states go with the parameter of their store, which the slot moves for dt, where its content stays.
+
+        Gives the slopes of that by z.
+        """
+        slopes = np.eye(self.spec.n_joint)
+        size, first = self.spec.slot_slice.start, self.spec.parameter_slice.start
+        for i, state in enumerate(self.spec.states):
+            for index, power in state.jumps:
+                acts = lane.roles["theta"][index]
+                if not acts * lane.roles["keeps"][0] * dt > 0.0:
+                    continue
+                before = z[first + index] + acts * z[size]
+                after = before + acts * dt * z[size + 1]
+                moved, own = z[i] * (after / before) ** power, np.eye(len(z))
+                own[i, i] = (after / before) ** power
+                own[i, first + index] = power * moved * (1.0 / after - 1.0 / before)
+                own[i, size] = acts * own[i, first + index]
+                own[i, size + 1] = power * moved * acts * dt / after
+                z[i], slopes = moved, own @ slopes
+        return slopes
 
     def predict(
         self,

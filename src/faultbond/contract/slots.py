@@ -65,6 +65,7 @@ class SlotLane:
         sample, or per lag
     settling : time, s, in which what is at fault may come to its size; 0: it is there at once
     lag : time constant, s, with which the rate fades, so that the size comes to rest; 0: it never does
+    keeps : whether stores keep their content while their parameter moves; else their effort or flow goes on
     noise : noise variance of the sensor, in that declared
     weight : logarithm of the prior weight
     """
@@ -84,6 +85,7 @@ class SlotLane:
     rate_sd: float = 0.0
     settling: float = 0.0
     lag: float = 0.0
+    keeps: bool = False
     noise: float = 1.0
     weight: float = 0.0
 
@@ -116,7 +118,7 @@ class SlotPlan:
 def plan_slots(spec: EngineSpec) -> SlotPlan:
     """Give the lanes with a slot of a specification."""
     singles = [(k, chosen[0]) for k, chosen in enumerate(spec.hypotheses) if len(chosen) == 1]
-    found = [lane for k, index in singles for lane in _drifts(spec.parameters[index], index, k)]
+    found = [lane for k, index in singles for lane in _drifts(spec, index, k)]
     found += [lane for k, index in singles for lane in _changes(spec.parameters[index], index, k)]
     found += [lane for k, index in singles for lane in _settling_steps(spec.parameters[index], index, k)]
     for k, instrument in enumerate(spec.instruments, len(spec.hypotheses)):
@@ -153,18 +155,23 @@ def with_slot(spec: EngineSpec, lane: FloatArray) -> FloatArray:
 
 def _first_drifts(lanes: Sequence[SlotLane]) -> list[SlotLane]:
     """Give the drifts of each hypothesis that begin at the onset: those that may be found to have come to their end."""
-    first: dict[tuple[int, bool], SlotLane] = {}
+    first: dict[tuple[int, bool, bool], SlotLane] = {}
     for lane in lanes:
         if lane.kind is FaultKind.DRIFT:
-            first.setdefault((lane.hypothesis, lane.scales), lane)
+            first.setdefault((lane.hypothesis, lane.scales, lane.keeps), lane)
     return list(first.values())
 
 
-def _drifts(item: ParameterSpec, index: int, hypothesis: int) -> Iterator[SlotLane]:
-    """Give a drift that begins at the onset, and drifts that have already gone some way."""
-    lane = SlotLane(hypothesis=hypothesis, kind=FaultKind.DRIFT, parameter=index)
+def _drifts(spec: EngineSpec, index: int, hypothesis: int) -> Iterator[SlotLane]:
+    """Give a drift that begins at the onset, and drifts that have already gone some way.
+
+    Of a store there are two that begin: its content goes on, or its effort or flow.
+    """
+    item, lane = spec.parameters[index], SlotLane(hypothesis=hypothesis, kind=FaultKind.DRIFT, parameter=index)
     starts = starts_of(item, 1)
-    yield replace(lane, size_sd=item.accuracy, rate_sd=item.change / FRESH, weight=DRIFTING - log(2.0))
+    ways = (False, True) if spec.moves_store(index) else (False,)
+    fresh = replace(lane, size_sd=item.accuracy, rate_sd=item.change / FRESH, weight=DRIFTING - log(2.0 * len(ways)))
+    yield from (replace(fresh, keeps=keeps) for keeps in ways)
     for start in starts:
         yield replace(
             lane,
@@ -267,6 +274,7 @@ def _roles(spec: EngineSpec, lane: SlotLane) -> FloatArray:
     for name, n in ones:
         roles[place[name] : place[name] + n] = 1.0
     roles[place["fades"]] = 1.0 / lane.lag if lane.lag > 0.0 else 0.0
+    roles[place["keeps"]] = float(lane.keeps)
     if lane.parameter >= 0:
         roles[place["theta"] + lane.parameter] = float(lane.acts)
     if lane.input >= 0:

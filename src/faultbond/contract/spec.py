@@ -14,9 +14,10 @@ its rate `r`, d' = r, r' = -fades_role * r, and, before the likelihood, roles: c
     theta + theta_role * d        u * (obeys_role + input_gain_role * d) + input_role * d
     y = h * (reads_role + gain_role * d) + bias_role * d
 
-Where `moves_role` is 0, r is no rate but the bias of one more instrument, and acts as input_beside_role and
-bias_beside_role say. The noise variance of each sensor is `noise_role` times that declared. So drifts, faults that come
-and go, and faults of sensors and inputs, two at once, are data too.
+Where `keeps_role` is 1 a store keeps its content while d moves its parameter: its state x, an effort or a flow, goes
+with theta to the power of its jump. Where `moves_role` is 0, r is no rate but the bias of one more instrument, and acts
+as input_beside_role and bias_beside_role say. The noise variance of each sensor is `noise_role` times that declared. So
+drifts, faults that come and go, and faults of sensors and inputs, two at once, are data too.
 """
 
 from collections.abc import Iterable
@@ -389,9 +390,9 @@ class EngineSpec:
     def role_fields(self) -> dict[str, slice]:
         """Where the roles of the slot stand in a lane, by name.
 
-        theta, input, obeys, input_gain, reads, gain, bias, noise, moves, input_beside, bias_beside; fades, 1/s; ended,
-        took: of a ramp that has come to its end, when it did and after how long, s; returns: of a fault that comes and
-        goes the probability that it has been there and gone.
+        theta, input, obeys, input_gain, reads, gain, bias, noise, moves, input_beside, bias_beside; fades, 1/s; keeps:
+        whether stores keep their content; ended, took: of a ramp that has come to its end, when it did and after how
+        long, s; returns: of a fault that comes and goes the probability that it has been there and gone.
         """
         n_y = len(self.outputs)
         sizes = {
@@ -405,6 +406,7 @@ class EngineSpec:
             "noise": n_y,
             "moves": 1,
             "fades": 1,
+            "keeps": 1,
             "input_beside": len(self.inputs),
             "bias_beside": n_y,
             "ended": 1,
@@ -417,6 +419,11 @@ class EngineSpec:
     def n_roles(self) -> int:
         """Number of roles."""
         return int(self.role_fields["returns"].stop - self.loop_slice.stop) if self.slot else 0
+
+    def moves_store(self, index: int) -> bool:
+        """Tell whether a store has this parameter: its state jumps with a factor of it where its content stays."""
+        mine = (place for item in self.states for place, _ in item.jumps)
+        return index in mine and self.parameters[index].healthy != 0.0
 
     @property
     def held(self) -> tuple[int, ...]:

@@ -141,6 +141,38 @@ static void scatter(lanes *FB_RESTRICT p, const given *FB_RESTRICT sample)
     }
 }
 
+#if N_SLOT > 0 && DRIFTS_KEEP
+/* Add so much of number k of z, which stands behind it, to state i, and to its row of the covariance. */
+static inline void add_to_state(lanes *FB_RESTRICT p, int i, int k, lanes much)
+{
+    p[PLACE(i, i)] += much * (2.0 * p[PLACE(i, k)] + much * p[PLACE(k, k)]);
+    for (int j = 0; j < N_JOINT; j++)
+        if (j != i) p[j < i ? PLACE(j, i) : PLACE(i, j)] += much * p[j < k ? PLACE(j, k) : PLACE(k, j)];
+}
+
+/* Stores whose content goes on while the slot moves their parameter for dt: the state x, an effort or a flow, becomes
+   x (after / before)^m, with m = d ln x / d ln theta at constant content. p: their covariance. */
+static void keep_contents(lanes *FB_RESTRICT lane, lanes *FB_RESTRICT p, lanes dt)
+{
+    const lanes none = broadcast(0.0), one = broadcast(1.0);
+    for (int i = 0; i < N_STATES; i++)
+        for (int e = JUMP_ROW[i]; e < JUMP_ROW[i + 1]; e++) {
+            const int k = AT_PARAMETERS + JUMP_PARAMETER[e];
+            const lanes acts = lane[ROLE_THETA + JUMP_PARAMETER[e]], by = acts * lane[ROLE_KEEPS] * dt;
+            const lanes before = lane[k] + acts * lane[AT_SLOT], after = before + by * lane[AT_SLOT + 1];
+            const mask moves = (by > 0.0) & (before > 0.0) & (after > 0.0);
+            const lanes factor = v_pow(choose(moves, after, one) / choose(moves, before, one), broadcast(JUMP_EXPONENT[e]));
+            for (int j = 0; j < N_JOINT; j++) p[j < i ? PLACE(j, i) : PLACE(i, j)] *= j == i ? factor * factor : factor;
+            lane[i] *= factor;
+            const lanes slope = choose(moves, JUMP_EXPONENT[e] * lane[i] / after, none);
+            const lanes other = choose(moves, slope - JUMP_EXPONENT[e] * lane[i] / before, none);
+            add_to_state(p, i, AT_SLOT + 1, slope * by);
+            add_to_state(p, i, AT_SLOT, other * acts);
+            add_to_state(p, i, k, other);
+        }
+}
+#endif
+
 /* The rest of z and its covariance: slow errors fade, the slot moves at its rate, input noise begins anew or lasts. */
 static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample, const double *FB_RESTRICT decays)
 {
@@ -162,6 +194,9 @@ static void spread_rest(lanes *FB_RESTRICT lane, const given *FB_RESTRICT sample
         left = v_exp(-dt * fades);
         dt = choose(fades > 0.0, (1.0 - left) / choose(fades > 0.0, fades, left), dt);
     }
+#if DRIFTS_KEEP
+    keep_contents(lane, p, dt);
+#endif
     for (int i = 0; i < size; i++) p[PLACE(i, size)] += dt * p[PLACE(i, rate)];
     p[PLACE(size, size)] += dt * (2.0 * p[PLACE(size, rate)] + dt * p[PLACE(rate, rate)]);
     p[PLACE(size, rate)] += dt * p[PLACE(rate, rate)];

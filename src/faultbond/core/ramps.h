@@ -205,6 +205,17 @@ static void take_slot(const Bank *bank, int64_t lane, int l, double (*to)[FB_LAN
     for (int64_t i = 0; i < WIDE_NUMBERS; i++) to[i][l] = of_slot(bank, lane, i);
 }
 
+/* What has come to stay only now has fitted as what moved until then: its sums are those of both, as likely as it is which. */
+static void mix_misfit(Bank *bank, int64_t drift, int64_t stay, double kept)
+{
+    for (int side = 0; side < 2; side++)
+        for (int j = 0; j < N_OUTPUTS; j++) {
+            double *sums = bank->sums[side][j] + N_STEPS, *since = bank->since[side][j] + N_STEPS;
+            sums[stay] = kept * sums[stay] + (1.0 - kept) * sums[drift];
+            if (kept < 0.5) since[stay] = since[drift];
+        }
+}
+
 /* Let what moves come to stay before a sample, `number`, at a time, s, in those lanes of which the first n_begun have
    begun. old: when what has been under way for long was not there yet, s. Until all have, each pair is by itself (not
    `together`), as it is where it begins. */
@@ -214,7 +225,8 @@ static void hand_on(Bank *bank, int64_t n_begun, int together, int64_t number, d
     const int64_t *onset = bank->onset + N_STEPS;
     const int rate = AT_SLOT + 1;
     for (int64_t first = 0; first < N_RAMPS; first += FB_LANES) {
-        int64_t age[FB_LANES] = {0}, pairs[FB_LANES], n = 0;
+        int64_t age[FB_LANES] = {0}, pairs[FB_LANES], drifts[FB_LANES], n = 0;
+        double kept[FB_LANES];
         double extra[FB_LANES] = {0.0}, longest[FB_LANES] = {0.0};
         for (int64_t pair = first; pair < N_RAMPS && pair < first + FB_LANES; pair++) {
             const int64_t drift = together ? likeliest_drift(bank, pair) : drift_of(pair);
@@ -224,6 +236,7 @@ static void hand_on(Bank *bank, int64_t n_begun, int together, int64_t number, d
             age[n] = number - onset[drift];
             longest[n] = SLOT_OLD[drift] ? time - old : longest_ramp(age[n]);
             extra[n] = SLOT_WEIGHT[drift] - SLOT_WEIGHT[stay_of(pair)];
+            drifts[n] = drift;
             pairs[n++] = pair;
         }
         if (n == 0) continue;
@@ -233,6 +246,8 @@ static void hand_on(Bank *bank, int64_t n_begun, int together, int64_t number, d
             memory->gone[i] = load(memory->stays[i]);
         }
         end_ramps(age, longest, extra, time, memory);
+        store(kept, memory->kept[1]);
+        for (int64_t l = 0; l < n; l++) mix_misfit(bank, drifts[l], stay_of(pairs[l]), kept[l]);
         for (int64_t i = 0; i < WIDE_NUMBERS; i++) {
             store(memory->stays[i], memory->gone[i]);
             for (int64_t l = 0; l < n; l++) *number_of_slot(bank, stay_of(pairs[l]), i) = memory->stays[i][l];

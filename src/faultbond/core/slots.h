@@ -119,6 +119,7 @@ static void set_roles(int64_t k, double (*block)[GROUP], int l)
     for (int64_t i = WIDE_ROLES; i < WIDE_LIKELIHOOD; i++) block[i][l] = 0.0;
     block[ROLE_MOVES][l] = 1.0;
     block[ROLE_FADES][l] = SLOT_LAG[k] > 0.0 ? 1.0 / SLOT_LAG[k] : 0.0;
+    block[ROLE_KEEPS][l] = SLOT_KEEPS[k];
     for (int j = 0; j < N_OUTPUTS; j++) block[ROLE_READS + j][l] = block[ROLE_NOISE + j][l] = 1.0;
     for (int i = 0; i < N_INPUTS; i++) block[ROLE_OBEYS + i][l] = !(SLOT_STICKS[k] && SLOT_INPUT[k] == i);
     if (SLOT_PARAMETER[k] >= 0) block[ROLE_THETA + SLOT_PARAMETER[k]][l] = SLOT_ACTS[k];
@@ -579,7 +580,8 @@ FB_SELDOM
 /* Whether two lanes look for the same fault. */
 static inline int is_same_fault(int64_t one, int64_t two)
 {
-    return SLOT_HYPOTHESIS[one] == SLOT_HYPOTHESIS[two] && SLOT_KIND[one] == SLOT_KIND[two] && SLOT_SCALES[one] == SLOT_SCALES[two];
+    return SLOT_HYPOTHESIS[one] == SLOT_HYPOTHESIS[two] && SLOT_KIND[one] == SLOT_KIND[two] && SLOT_SCALES[one] == SLOT_SCALES[two] &&
+           SLOT_KEEPS[one] == SLOT_KEEPS[two];
 }
 
 /* Find the lanes of each fault that are begun again. The spread is that of the least likely of them, or, of a bias, the

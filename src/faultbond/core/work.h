@@ -628,7 +628,8 @@ static int64_t work_a_little(State *state, const Trail *trail, int64_t most, Ban
 static int64_t latest_end(const State *state)
 {
     const Job *job = &state->job;
-    const int64_t kept = job->oldest + N_ROWS - 1, about_alarm = state->clock.alarm + DEPTH - 2;
+    const int64_t of_trail = job->oldest + N_ROWS - 1, spread = job->end + SPREAD;
+    const int64_t kept = of_trail < spread ? of_trail : spread, about_alarm = state->clock.alarm + DEPTH - 2;
     if (job->kind == BEGINNING) return job->end + AWAITED;
     const int64_t both = about_alarm - job->end;
     if (job->renewals >= N_RENEWALS || both < SPREAD / 2) return kept;

@@ -49,6 +49,7 @@ def plan_sizes(spec: EngineSpec) -> dict[str, int | str]:
         "RAMPED": plan_slots(spec).ramped,
         "SWITCHED": plan_slots(spec).switched,
         "STEPS_LAG": int(any(lane.lag > 0.0 for lane in plan_slots(spec).lanes)),
+        "DRIFTS_KEEP": int(any(lane.keeps for lane in plan_slots(spec).lanes)),
         "SAMPLE_TIME": literal(spec.sample_time or 0.0),
         "CUSUM_DRIFT": literal(settings.cusum_drift),
         "CUSUM_LIMIT": literal(settings.cusum_limit),
@@ -174,7 +175,7 @@ def _slot_tables(spec: EngineSpec) -> Iterable[str]:
     lanes = plan_slots(spec).lanes
     kinds = tuple(FaultKind)
     yield small_integers("SLOT_KIND", (kinds.index(item.kind) for item in lanes))
-    for name in ("hypothesis", "parameter", "input", "output", "acts", "sticks", "scales", "old"):
+    for name in ("hypothesis", "parameter", "input", "output", "acts", "sticks", "scales", "old", "keeps"):
         yield small_integers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))
     for name in ("size", "size_sd", "rate", "rate_sd", "settling", "lag", "noise", "weight"):
         yield numbers(f"SLOT_{name.upper()}", (getattr(item, name) for item in lanes))

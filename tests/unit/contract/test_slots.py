@@ -52,6 +52,7 @@ def role(spec: EngineSpec, plan: SlotPlan, name: str) -> FloatArray:
 def test_single_parameters_drift_or_come_and_go(name: str) -> None:
     """Sets of one parameter have lanes of a drift, which may end, and of what comes and goes, rarer than a step.
 
+    While the parameter of a store moves, its content may go on, or its effort or flow: there are lanes of both.
     So have they of a step that shows slowly, where a sensor that feels it at once feels an input that settles, too.
     """
     spec = spec_of(name)
@@ -70,7 +71,9 @@ def test_single_parameters_drift_or_come_and_go(name: str) -> None:
         assert {lane.settling for lane in slow} == {spec.parameters[chosen[0]].settling} - {0.0}
         assert not any(lane.lag for lane in own)
         assert sum(np.exp(lane.weight) for lane in slow) == pytest.approx(2.0 * np.exp(SHOWING) if slow else 0.0)
-        assert len(ramps) == 1
+        ways = [False, True] if spec.moves_store(chosen[0]) else [False]
+        assert [lane.keeps for lane in ramps] == [lane.keeps for lane in drifts if not lane.old] == ways
+        assert not any(lane.keeps for lane in own if lane.old or lane.kind not in {FaultKind.DRIFT, FaultKind.RAMP})
         assert sum(np.exp(lane.weight) for lane in drifts) == pytest.approx(np.exp(DRIFTING))
         assert sum(np.exp(lane.weight) for lane in pairs if lane.acts) == pytest.approx(np.exp(SWITCHING))
 
@@ -163,12 +166,12 @@ def test_pairs_come_last_and_differ_only_in_whether_the_fault_is_there() -> None
 def test_ramps_are_the_first_drift_of_each_suspect_and_what_it_comes_to() -> None:
     """From `ramped` on, lanes are pairs of a drift from the onset and what has come to stay.
 
-    Each suspect has one, an instrument one of its bias and one of its gain.
+    Each suspect has one, of a store one whose content goes on, too; an instrument one of its bias and one of its gain.
     """
     plan = plan_slots(SPEC)
     moves, stays = plan.lanes[plan.ramped : plan.switched : 2], plan.lanes[plan.ramped + 1 : plan.switched : 2]
-    both = {(lane.hypothesis, lane.scales) for lane in plan.lanes}
-    assert sorted((lane.hypothesis, lane.scales) for lane in moves) == sorted(both)
+    every = {(lane.hypothesis, lane.scales, lane.keeps) for lane in plan.lanes}
+    assert sorted((lane.hypothesis, lane.scales, lane.keeps) for lane in moves) == sorted(every)
     for one, two in zip(moves, stays, strict=True):
         assert (one.kind, two.kind, one.old) == (FaultKind.DRIFT, FaultKind.RAMP, False)
         assert replace(two, kind=FaultKind.DRIFT) == one
@@ -182,7 +185,8 @@ def test_starts_of_parameters_are_those_of_steps() -> None:
         wanted = [(start.value - 1.0, start.sd) for start in starts_of(item, 1)]
         own = lanes_of(plan, SPEC.hypotheses.index((k,)))
         pairs = [(lane.size, lane.size_sd) for lane in own if lane.kind is FaultKind.INTERMITTENT and lane.acts]
-        *old, fresh = (lane for lane in own if lane.kind is FaultKind.DRIFT)
+        drifts = [lane for lane in own if lane.kind is FaultKind.DRIFT]
+        old, fresh = [lane for lane in drifts if lane.old], next(lane for lane in drifts if not lane.old)
         assert pairs == wanted
         assert [(lane.size, lane.size_sd) for lane in old] == wanted
         assert (fresh.size, fresh.size_sd) == (0.0, item.accuracy)

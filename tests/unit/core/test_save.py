@@ -274,8 +274,8 @@ def test_samples_out_of_order_are_refused(numbers: dict[str, int]) -> None:
         (IDLE, None, {"job.settled": -1}),
         *((STEPS, None, {"job.stage": stage}) for stage in (4, 5)),
         (STEPS, 7, {"job.lane": 12}),  # a lane with a slot
-        (SLOTS, 0, {"job.lane": 66}),  # one of a pair that comes and goes
-        *((RAMPS, 0, {"job.lane": lane}) for lane in (45, 47, 66)),  # one that begins alone, comes to stay, or goes
+        (SLOTS, 0, {"job.lane": 68}),  # one of a pair that comes and goes
+        *((RAMPS, 0, {"job.lane": lane}) for lane in (45, 47, 68)),  # one that begins alone, comes to stay, or goes
         (PAIRS, None, {"job.pass": 1}),
         *((STEPS, None, {"job.search.n": n}) for n in (0, 2)),
         (STEPS, None, {"job.search.standing": 0}),

@@ -22,10 +22,11 @@ from made import EXAMPLES, plant_in_full, recorded, run, samples_of
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 BEGINNING, RENEWING, RENEWING_ALL = 1, 2, 3
 NAME, FAULT = "dc_motor_current", Fault(parameter="K", factor=0.6, start=2.4)
-ROWS = 460
+ROWS = 470
 SETTINGS = core_settings()
 DEPTH = Thresholds().history_samples + 2
 AWAITED, SPREAD = int(SETTINGS["AWAITED"]), int(SETTINGS["SPREAD"])
+FIRST_PART = SETTINGS["FIRST_PART"]
 RENEWALS = [int(SETTINGS[f"{name}_RENEWAL"]) for name in ("FIRST", "SECOND", "LAST")]
 CALLS = """
 static Work work;
@@ -152,7 +153,7 @@ def test_no_sample_works_for_more_than_its_portion() -> None:
 @pytest.mark.parametrize(
     ("which", "end", "latest"),
     [
-        (1, 96, 96 + SPREAD),
+        (1, 96, 96 + int(FIRST_PART * (DEPTH - 2 - 96))),
         (2, 96 + SPREAD, DEPTH - 2),
         (2, DEPTH - 2 - SPREAD // 2, DEPTH - 2),
         (2, DEPTH - 1 - SPREAD // 2, DEPTH - 1 + SPREAD // 2),  # too late to hurry
