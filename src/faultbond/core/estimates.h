@@ -205,7 +205,7 @@ static void instrument_suspect(const State *state, int64_t lane, Suspect *suspec
 
 /* The suspect of a lane with a slot. While a fault that comes and goes is gone, its size is that which the lane
    without it remembers: the other one has just been told that the fault is there, and bends the size to that. Of a ramp
-   that has come to its end it is told when that began, and when it ended. */
+   that has come to its end it is told when that began, not after the alarm that it raised, and when it ended. */
 static void slot_suspect(const State *state, int64_t lane, Suspect *suspect)
 {
     if (SLOT_PARAMETER[plan_of(&state->bank, lane)] >= 0) {
@@ -215,7 +215,7 @@ static void slot_suspect(const State *state, int64_t lane, Suspect *suspect)
     }
     if (SLOT_KIND[plan_of(&state->bank, lane)] != KIND_RAMP) return;
     suspect->ended = of_slot(&state->bank, lane, ROLE_ENDED);
-    suspect->began = suspect->ended - of_slot(&state->bank, lane, ROLE_TOOK);
+    suspect->began = fmin(suspect->ended - of_slot(&state->bank, lane, ROLE_TOOK), state->alarm.time);
 }
 
 FB_OFTEN

@@ -310,6 +310,19 @@ def test_a_ramp_that_is_hardly_likelier_than_a_step_is_one(state: Diagnosed, mor
     assert np.isnan(best["suspects"][0]["began"]) == (not leads)
 
 
+@pytest.mark.parametrize(("took", "since"), [(30.0, -30.0), (200.0, -200.0)])
+def test_what_raised_an_alarm_had_begun_by_then(state: Diagnosed, took: float, since: float) -> None:
+    """A ramp that ended 100 s after the alarm, and seems to have taken 30 s, began no later than the alarm."""
+    ramp, alarm = slot_of(hypothesis=1, kind=FaultKind.RAMP), 500.0
+    state.only(state.n_steps + ramp)
+    state["alarm.time"] = alarm
+    numbers, roles = state.lane("slot", ramp), WIDE.role_fields
+    numbers[roles["ended"].start], numbers[roles["took"].start] = alarm + 100.0, took
+    suspect = state.diagnose()["candidates"][0]["suspects"][0]
+    assert suspect["ended"] == alarm + 100.0
+    assert suspect["began"] == min(alarm + 100.0 + since, alarm)
+
+
 def test_the_noise_of_a_sensor_is_where_its_likelihood_is_largest(state: Diagnosed) -> None:
     """Of n readings with mean square s, each noise tried has n (-log c - s/c) / 2; they tell sqrt(s), to sqrt(s/2n)."""
     lanes = [k for k, item in enumerate(SLOTS.lanes) if item.output == 1 and item.kind is FaultKind.NOISE]
