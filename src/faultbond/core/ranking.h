@@ -104,9 +104,24 @@ static double weight_of_gain(int64_t instrument)
     return weight;
 }
 
+/* What the lanes of a couple of two instruments say in which the gain of the input with a factor is wrong, and the other has a bias,
+   but for the weight of that gain. */
+static double said_of_gain(const Bank *bank, const Ranking *ranking, int64_t couple)
+{
+    double said = -INFINITY;
+    for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) {
+        const int64_t slot = bank->base[lane];
+        if (slot < 0 || bank->coupled[row_of_lane(lane)] != couple) continue;
+        if (SLOT_HYPOTHESIS[slot] != COUPLE_GAINS[couple] || SLOT_KIND[slot] != KIND_GAIN) continue;
+        said = log_add(said, ranking->weighted[N_STEPS + N_SLOT_LANES + lane] - SLOT_WEIGHT[slot]);
+    }
+    return said;
+}
+
 /* Let a wrong gain of an input, and a step of the parameter with which alone the input acts, say what either
-   says beside another suspect: they are the same, and lanes that begin elsewhere, or are not there, would tell them apart. Beside a
-   sensor of each of its kinds, since not all of them have a lane with that gain. What is ruled out stays so. */
+   says beside another suspect: they are the same, and lanes that begin elsewhere, or are not there, would tell them apart; where the
+   input lags, nobody knows whether it is not the sensor. Beside a sensor of each of its kinds, since not all of them have a lane with
+   that gain. What is ruled out stays so. */
 static void share_products(const Bank *bank, int out, Ranking *ranking)
 {
     for (int64_t couple = 0; couple < N_MIXED + N_BOTH; couple++) {
@@ -120,6 +135,7 @@ static void share_products(const Bank *bank, int out, Ranking *ranking)
             own[KIND_GAIN] = other[KIND_STEP] + weight;
             continue;
         }
+        if (other[KIND_BIAS] > -INFINITY) other[KIND_BIAS] = fmax(other[KIND_BIAS], said_of_gain(bank, ranking, couple));
         for (int kind = 0; kind < N_KINDS; kind++)
             if (own[kind] > -INFINITY && other[kind] + weight > own[kind]) own[kind] = other[kind] + weight;
     }
