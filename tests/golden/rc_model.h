@@ -80,7 +80,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x5871c528f6a62462ULL, 0x426248db86efa796ULL, 0xe616f117fbd2fc53ULL, 0xd5901274d221c8caULL};
+static const uint64_t MODEL_HASH[] = {0x2d280bd20dd70f0fULL, 0xe23d969d780f31ebULL, 0x94608750c189f1ecULL, 0x7517643f9a2e59e3ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -178,9 +178,9 @@ static const int EXTENSION_MEMBER[] = {0};
 static const int FIRST_LANE[] = {0, 4, 12};
 static const int LANE_HYPOTHESIS[] = {0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
 static const int LANE_START[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12};
-static const double START_VALUE[] = {0.45, 0.9, 1.8, 3.6, 0.45, 0.45, 0.9, 0.9, 1.8, 1.8, 3.6, 3.6};
-static const double START_SPREAD[] = {0.1575, 0.315, 0.63, 1.26, 0.1575, 0.1575, 0.315, 0.315, 0.63, 0.63, 1.26,
-    1.26};
+static const int8_t START_OF[] = {0, 1, 2, 3, 0, 0, 1, 1, 2, 2, 3, 3};
+static const double START_VALUE[] = {0.45, 0.9, 1.8, 3.6};
+static const double START_SPREAD[] = {0.1575, 0.315, 0.63, 1.26};
 static const int LANE_JUMP_ROW[] = {0, 0, 0, 0, 0, 0, 1, 1, 2, 2, 3, 3, 4};
 static const int LANE_JUMP_STATE[] = {0, 0, 0, 0};
 static const int8_t SLOT_KIND[] = {1, 1, 1, 1, 1, 1, 1, 1, 3, 3, 1, 4, 5, 5, 6, 6, 6, 6, 6, 3, 3, 1, 4, 5, 5, 1, 7, 1,

@@ -183,10 +183,11 @@ static void planned_start(int64_t lane, Start *start)
     const int64_t members = SET_ROW[LANE_HYPOTHESIS[lane]];
     start->n = start->tied = 0;
     for (int64_t e = LANE_START[lane]; e < LANE_START[lane + 1]; e++) {
-        if (!(START_SPREAD[e] > 0.0)) continue;
+        const int64_t of = START_OF[e];
+        if (!(START_SPREAD[of] > 0.0)) continue;
         start->parameter[start->n] = SET_MEMBER[members + e - LANE_START[lane]];
-        start->value[start->n] = START_VALUE[e];
-        start->sd[start->n++] = START_SPREAD[e];
+        start->value[start->n] = START_VALUE[of];
+        start->sd[start->n++] = START_SPREAD[of];
     }
     memset(start->jumps, 0, sizeof start->jumps);
     for (int64_t e = LANE_JUMP_ROW[lane]; e < LANE_JUMP_ROW[lane + 1]; e++) start->jumps[LANE_JUMP_STATE[e]] = 1;

@@ -166,8 +166,12 @@ def _lane_tables(spec: EngineSpec) -> Iterable[str]:
     yield integers("FIRST_LANE", (*plan.first, plan.n_lanes))
     yield integers("LANE_HYPOTHESIS", plan.hypothesis)
     yield integers("LANE_START", np.cumsum([0, *map(len, members)]))
-    yield numbers("START_VALUE", (plan.values[index, lane] for lane, chosen in enumerate(members) for index in chosen))
-    yield numbers("START_SPREAD", (plan.sds[index, lane] for lane, chosen in enumerate(members) for index in chosen))
+    places = [(index, lane) for lane, chosen in enumerate(members) for index in chosen]
+    starts = [(float(plan.values[place]), float(plan.sds[place])) for place in places]
+    different = list(dict.fromkeys(starts))  # a handful, where lanes are many
+    yield small_integers("START_OF", (different.index(item) for item in starts))
+    yield numbers("START_VALUE", (value for value, _ in different))
+    yield numbers("START_SPREAD", (sd for _, sd in different))
     yield from ragged_table("LANE_JUMP", [np.flatnonzero(row) for row in plan.jumps], "STATE")
 
 
