@@ -161,6 +161,7 @@ static void keep_contents(lanes *FB_RESTRICT lane, lanes *FB_RESTRICT p, lanes d
             const lanes acts = lane[ROLE_THETA + JUMP_PARAMETER[e]], by = acts * lane[ROLE_KEEPS] * dt;
             const lanes before = lane[k] + acts * lane[AT_SLOT], after = before + by * lane[AT_SLOT + 1];
             const mask moves = (by > 0.0) & (before > 0.0) & (after > 0.0);
+            if (!any_of(moves)) continue;
             const lanes factor = v_pow(choose(moves, after, one) / choose(moves, before, one), broadcast(JUMP_EXPONENT[e]));
             for (int j = 0; j < N_JOINT; j++) p[j < i ? PLACE(j, i) : PLACE(i, j)] *= j == i ? factor * factor : factor;
             lane[i] *= factor;
