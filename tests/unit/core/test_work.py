@@ -150,6 +150,22 @@ def test_no_sample_works_for_more_than_its_portion() -> None:
     assert asked > 20
 
 
+def test_portions_are_even() -> None:
+    """Where much begins again while time is short, no sample does much more work than the mean one.
+
+    Of a leak of the tank, the first renewal and the second have to end while samples about the alarm are kept. What
+    they will cost is known from the work before.
+    """
+    monitor, spent = Monitor(plant_in_full("tank")[2]), dict[int, list[float]]()
+    for sample in recorded("tank", 1300, Fault(parameter="K6", factor=6.0, start=700.0)):
+        before = monitor.number("job.spent")
+        monitor.push(sample)
+        if kind(monitor) == RENEWING and monitor.number("job.spent") > before:
+            spent.setdefault(int(monitor.number("job.renewals")), []).append(monitor.number("job.spent") - before)
+    assert sorted(spent) == [1, 2]
+    assert max(map(max, spent.values())) < 2.5 * np.mean(spent[1] + spent[2])
+
+
 @pytest.mark.parametrize(
     ("which", "end", "latest"),
     [
