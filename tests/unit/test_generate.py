@@ -296,7 +296,7 @@ def test_fewer_lanes() -> None:
     assert set(fewer.hypotheses) | set(fewer.reserve) == set(spec.hypotheses)
     assert not set(fewer.hypotheses) & set(fewer.reserve)
     assert fewer.instruments == spec.instruments
-    with pytest.raises(GenerationError, match="need 275 lanes"):
+    with pytest.raises(GenerationError, match="need 277 lanes"):
         with_lanes(spec, 266)
     none = watch_only(spec)
     assert (count_lanes(none), none.n_hypotheses, none.thresholds) == (0, 0, spec.thresholds)

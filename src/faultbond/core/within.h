@@ -76,7 +76,8 @@ static double odds_healthy(double off, double healthy, double faulty, double var
 {
     const double least = healthy * healthy + variance, most = fmax(faulty, healthy);
     if (!(least > 0.0 && most > 0.0)) return -INFINITY;
-    return log_density(off, least) - log_density(off, most * most + variance);
+    const double odds = log_density(off, least) - log_density(off, most * most + variance);
+    return isnan(odds) ? -INFINITY : odds; /* so far off that its square is no number */
 }
 
 /* Largest size of input k in its own unit, of which a gain is, SI; 0 where none was seen. */

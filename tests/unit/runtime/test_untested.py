@@ -18,9 +18,9 @@ OPEN = 0.5  # a bound from which on there is none
 
 
 @cache
-def recording(faults: tuple[Fault, ...], seed: int) -> tuple[Sample, ...]:
+def recording(faults: tuple[Fault, ...], seed: int, rows: int = 420) -> tuple[Sample, ...]:
     """The motor with faults at 3 s."""
-    time = np.asarray(np.arange(420) * 0.02, dtype=np.float64)
+    time = np.asarray(np.arange(rows) * 0.02, dtype=np.float64)
     voltage = random_steps(time, np.random.default_rng(seed), low=2, high=12, shortest=0.5, longest=1.5)
     made = simulate(GRAPH, Inputs(time=time, values=voltage[:, None]), faults, seed=seed)
     return samples_of(time, made.inputs, made.outputs)
@@ -80,9 +80,10 @@ def hidden(monitor: Monitor) -> Untested | None:
 
 def test_after_each_renewal_there_is_no_bound_for_a_while() -> None:
     """Lanes that began just now have no sums that could tell how far off they are; later renewals count less."""
-    alarm, seen = int(ended(WAITING).number("clock.alarm")), set[tuple[bool, bool]]()
-    for later in range(15, 300, 15):
-        monitor = ended(WAITING, alarm + later)
+    along, seen = Course(core_of(WAITING), recording(ONE, 3, 640)), set[tuple[bool, bool]]()
+    alarm = int(along.after(640).number("clock.alarm"))
+    for later in range(15, 440, 10):
+        monitor = along.after(alarm + later)
         since = monitor.number("clock.index") - monitor.number("job.settled")
         young = monitor.number("job.renewals") < 2
         untested = hidden(monitor)

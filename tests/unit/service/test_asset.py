@@ -104,7 +104,7 @@ def test_every_candidate_can_be_decided_of() -> None:
     passed(asset, rows().part(slice(FOUND)))
     assert asset.diagnosis is not None
     candidates = asset.diagnosis.candidates
-    assert {"V_R.noise", "V_I.bias"} <= {name for item in candidates for name in item.parameters}
+    assert {"V_R.noise", "V_I.gain"} <= {name for item in candidates for name in item.parameters}
     for names in ([sorted(candidate_names(item)) for item in candidates], [item.parameters for item in candidates]):
         assert [find_hypothesis(asset.spec, name) for name in names] == [item.hypothesis for item in candidates]
 
