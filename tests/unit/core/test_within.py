@@ -189,19 +189,29 @@ def seen_inputs(state: Diagnosed) -> Diagnosed:
     return state
 
 
+def faulty_bias(is_output: bool) -> float:
+    """The sd of what a sensor or an input is off by that is at fault, SI."""
+    return BIASES[-1] * SPEC.outputs[0].noise if is_output else INPUT_BIASES[-1] * PEAK
+
+
+def biased(spec: EngineSpec, bias: float, sd: float, is_output: bool) -> Diagnosed:
+    """A state in which nothing is likely but that a sensor or an input is off, by so much give or take an sd, SI."""
+    state = seen_inputs(diagnosed(spec))
+    lane = slot_of(kind=FaultKind.BIAS, **({"output": 0} if is_output else {"input": 0}))
+    unit = SPEC.outputs[0].noise if is_output else 1.0
+    state.only(state.n_steps + lane)
+    numbers = state.lane("slot", lane)
+    numbers[SIZE], numbers[covariance_place(WIDE, SIZE, SIZE)] = bias / unit, (sd / unit) ** 2
+    return state
+
+
 @pytest.mark.parametrize("parts", [0.0, 1.0, 2.0, 4.0])
 @pytest.mark.parametrize("is_output", [True, False])
 def test_a_bias_as_on_healthy_data_is_no_fault(parts: float, is_output: bool) -> None:
     """A bias of what is seen of the instrument while healthy says that nothing is at fault; a larger one does not."""
-    state = seen_inputs(diagnosed(BIASED))
-    place = {"output": 0} if is_output else {"input": 0}
-    lane = slot_of(kind=FaultKind.BIAS, **place)
-    unit = SPEC.outputs[0].noise if is_output else 1.0
-    faulty = BIASES[-1] * SPEC.outputs[0].noise if is_output else INPUT_BIASES[-1] * PEAK
-    state.only(state.n_steps + lane)
-    numbers, sd = state.lane("slot", lane), 0.1 * OFF
-    numbers[SIZE], numbers[covariance_place(WIDE, SIZE, SIZE)] = parts * OFF / unit, (sd / unit) ** 2
-    right = part_unbiased(parts * OFF, sd, faulty)
+    sd = 0.1 * OFF
+    right = part_unbiased(parts * OFF, sd, faulty_bias(is_output))
+    state = biased(BIASED, parts * OFF, sd, is_output)
     assert told(state)[0] == pytest.approx(right, rel=1e-6)
     assert (right > 0.5) == (parts <= 2.0)
     assert (right < 0.1) == (parts == 4.0)
@@ -211,19 +221,19 @@ def test_a_bias_as_on_healthy_data_is_no_fault(parts: float, is_output: bool) ->
 @pytest.mark.parametrize("is_output", [True, False])
 def test_where_nothing_was_found_of_it_a_healthy_instrument_is_right(parts: float, is_output: bool) -> None:
     """A bias that may still be 0 by its standard deviation says that nothing is at fault, the surer it is the more."""
-    state = seen_inputs(diagnosed())
-    place = {"output": 0} if is_output else {"input": 0}
-    lane = slot_of(kind=FaultKind.BIAS, **place)
-    unit = SPEC.outputs[0].noise if is_output else 1.0
-    faulty = BIASES[-1] * SPEC.outputs[0].noise if is_output else INPUT_BIASES[-1] * PEAK
-    state.only(state.n_steps + lane)
-    numbers, sd = state.lane("slot", lane), 0.01 * faulty
+    faulty = faulty_bias(is_output)
+    sd = 0.01 * faulty
     bias = parts * sd / sqrt(SHARE)
-    numbers[SIZE], numbers[covariance_place(WIDE, SIZE, SIZE)] = bias / unit, (sd / unit) ** 2
     right = part_unbiased(bias, sd, faulty, healthy=0.0)
+    state = biased(SPEC, bias, sd, is_output)
     assert told(state)[0] == pytest.approx(right, rel=1e-6)
     assert (right > 0.5) == (parts <= 2.0)
     assert (right < 1e-3) == (parts == 6.0)
+
+
+def test_a_bias_whose_square_is_no_number_is_a_fault() -> None:
+    """As of a lane that has run away: probabilities stay numbers."""
+    assert told(biased(SPEC, 1e200, 1e150, is_output=True))[0] < 1e-9
 
 
 def test_of_an_input_that_was_always_nothing_no_bias_is_within() -> None:
