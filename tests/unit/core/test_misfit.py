@@ -28,6 +28,22 @@ void t_accumulate(State *state, const double *packed, const double *innovations)
 {
     accumulate(&state->clock, &state->inputs, &state->healthy, &state->sensors, packed, innovations);
 }
+/* The first drift comes to stay, of which so much stays what it was; gives its lanes. */
+void t_mix(State *state, double *told)
+{
+    mix_misfit(&state->bank, drift_of(0), stay_of(0), told[0]);
+    told[0] = (double)(N_STEPS + drift_of(0));
+    told[1] = (double)(N_STEPS + stay_of(0));
+}
+/* The first pair that takes over a drift of another way of its store; -1: none does. */
+int64_t t_strange(State *state)
+{
+    for (int64_t pair = 0; pair < N_RAMPS; pair++) {
+        const int64_t drift = likeliest_drift(&state->bank, pair);
+        if (drift < 0 || SLOT_KEEPS[drift] != SLOT_KEEPS[drift_of(pair)]) return pair;
+    }
+    return -1;
+}
 int64_t t_slow_error_alarms(State *state) { return slow_error_alarms(&state->clock, state->healthy.lane); }
 """
 N_Y = 2
@@ -164,3 +180,30 @@ def test_slow_errors_are_watched_by_the_clock(pause: float, alarms: bool) -> Non
     assert not core.call("t_slow_error_alarms")
     core["healthy.lane"], core["clock.accepted"] = lane, 20
     assert not core.call("t_slow_error_alarms")
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.25, 0.75, 1.0])
+def test_what_has_come_to_stay_is_judged_as_what_it_was(kept: float) -> None:
+    """Its sums are those of both, as likely as it is that it stayed; they began with those of the likelier one."""
+    core, n = begun(3)
+    generator = np.random.default_rng(8)
+    for index in range(4, 30):  # scores that drive sums away from 0
+        innovations = np.concatenate([generator.normal(1.0, 1.0, (N_Y, n)), np.ones((N_Y, n))])
+        add(core, index, packed(core.spec), innovations)
+    before, began = (item.copy() for item in sums(core))
+    lanes = np.array([kept, 0.0])
+    core.call("t_mix", lanes)
+    drift, stay = map(int, lanes)
+    after, begins = sums(core)
+    assert np.any(before[:, :, drift] != before[:, :, stay])
+    assert after[:, :, stay] == pytest.approx(kept * before[:, :, stay] + (1.0 - kept) * before[:, :, drift])
+    assert np.array_equal(begins[:, :, stay], began[:, :, stay if kept > 0.5 else drift])
+    others = np.arange(before.shape[2]) != stay
+    assert np.array_equal(after[:, :, others], before[:, :, others])
+
+
+def test_each_way_of_a_store_comes_to_stay_by_itself() -> None:
+    """What has come to stay with its content takes over no drift without, which stands beside it, nor the other way."""
+    core, _ = begun(3)
+    assert any(lane.keeps for lane in plan_slots(core.spec).lanes)
+    assert core.call("t_strange") == -1

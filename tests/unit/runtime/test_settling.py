@@ -101,3 +101,13 @@ def test_which_of_two_lags_nobody_can_tell_beside_a_sensor_either(seed: int) -> 
             best = item.candidates[0]
             assert set(best.parameters) in ({"K", "level.bias"}, {"u.gain", "level.bias"}, {"u.bias", "level.bias"})
             assert best.probability < 0.95
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_bias_of_an_input_that_moves_is_no_pump_beside_a_sensor(seed: int) -> None:
+    """Only a wrong gain is the same as the pump; a speed that is off by as much at all speeds is told."""
+    made = recording(pumped(speed=", lag: 2 s"), "u.bias=-12 level.bias=0.2", seed, 1500)
+    last = run(watching(", lag: 2 s"), made)[1][-1].diagnosis or run(watching(", lag: 2 s"), made)[0].conclude()
+    best = last.candidates[0]
+    assert set(best.parameters) == {"u.bias", "level.bias"}
+    assert best.probability > 0.95
