@@ -65,11 +65,11 @@ class RowMeans:
         """
         if not self._held.any():
             return self._gathered(row)
-        before = self._origin
+        begins = self._origin is None or self._is_set_back(row)
         found = tuple(self._gathered(row))
         if self._origin is None or (found and found[-1] is row):
             return found
-        if self._origin != before:  # it begins, or the clock was set back
+        if begins:
             done, self._made = (*self._acted(math.inf), *found), ()
             self._slot, self._since = 0, [row.u]
             return done
@@ -93,6 +93,10 @@ class RowMeans:
             for item in done
         )
 
+    def _is_set_back(self, row: Row) -> bool:
+        """Whether the clock was set back before a row."""
+        return row.time < self._last - self._step * FIRST_ROWS
+
     def _gathered(self, row: Row) -> Iterable[Row]:
         """Take one row, and give the means about samples that are complete with it."""
         if not math.isfinite(row.time) or row.time == self._last:
@@ -101,7 +105,7 @@ class RowMeans:
             self._origin = row.time
         index = math.floor((row.time - self._origin) / self._step + 0.5)
         if self._index is not None and index < self._index:
-            if row.time < self._last - self._step * FIRST_ROWS:  # the clock was set back
+            if self._is_set_back(row):
                 done = self._mean_about()
                 self._origin, self._index, self._rows, self._last = row.time, 0, [row], row.time
                 return done

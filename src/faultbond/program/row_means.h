@@ -169,6 +169,12 @@ static inline int judge_pace(RowMeans *means, const TableRow *row, char *message
     return 0;
 }
 
+/* Whether the clock was set back before a row. */
+static inline int is_set_back(const RowMeans *means, const TableRow *row)
+{
+    return row->time < means->last - READ_STEP * MEANS_FIRST_ROWS;
+}
+
 /* Take one row, and put what is complete with it into `done`: the mean of a sample, or the row itself where its time cannot
    be read or is older than the sample that is gathered, which the grid knows what to do with. Gives how many: 0 or 1, or -1
    and a message where rows come too seldom. *is_row: whether it is the row. */
@@ -183,12 +189,12 @@ static inline int gather(RowMeans *means, const TableRow *row, TableRow *done, i
     if (isnan(means->origin)) means->origin = row->time;
     const double index = floor((row->time - means->origin) / READ_STEP + 0.5);
     if (index < means->index) {
-        if (!(row->time < means->last - READ_STEP * MEANS_FIRST_ROWS)) {
+        if (!is_set_back(means, row)) {
             *is_row = 1;
             *done = *row;
             return 1;
         }
-        const int n = mean_about(means, done); /* the clock was set back */
+        const int n = mean_about(means, done);
         means->origin = means->last = row->time;
         means->index = 0.0;
         gather_row(means, row);
@@ -227,14 +233,14 @@ static inline int means_push(RowMeans *means, const TableRow *row, TableRow *don
 {
     TableRow found;
     int is_row;
-    const double before = means->origin;
+    const int begins = isnan(means->origin) || is_set_back(means, row);
     const int n_found = gather(means, row, &found, &is_row, message);
     if (n_found < 0) return -1;
     if (!means_hold_inputs() || isnan(means->origin) || is_row) {
         if (n_found > 0) done[0] = found;
         return n_found;
     }
-    if (means->origin != before) { /* it begins, or the clock was set back */
+    if (begins) {
         int n = give_acted(means, INFINITY, means->origin, means->slot, done);
         if (n_found > 0) done[n++] = found;
         means->slot = 0.0;

@@ -122,6 +122,17 @@ def test_rows_that_are_late_or_repeated_do_not_spoil_a_mean() -> None:
     assert np.array(rest)[-3:] == pytest.approx(np.array([point.y for point in expected])[-3:])
 
 
+def test_a_clock_that_is_set_back_to_where_samples_began_loses_none() -> None:
+    """What waits for the mean of an input that is held is given, though samples begin at the same time as before."""
+    first, second = (
+        [Row(time=0.1 * k, u=np.ones(1), y=np.array([more + k])) for k in range(400)] for more in (0.0, 1000.0)
+    )
+    grid = Grid(1.0, row_time=0.1, held=[True], live=True)
+    y = [point.y[0] for point in pushed(grid, [*first, *second])]
+    assert y[41:] == pytest.approx([1000.0 + value for value in y[:41]])
+    assert (grid.counts.clock_jumps, grid.counts.samples) == (1, 82)
+
+
 def test_a_reading_that_jumps_within_a_sample_is_left_out() -> None:
     """Its mean would be one that the plant never had; a slope, noise, and the input are as they are."""
     draws, n = np.random.default_rng(5), 600
