@@ -21,6 +21,7 @@ from benchmarks.shared.page import as_text, note, quantile, seeds_of
 from benchmarks.shared.plants import case, graph_of
 from benchmarks.shared.play import core_with, passed, samples
 from faultbond.analysis.smallest import smallest_faults
+from faultbond.app.realisations import compiled_detector
 from faultbond.contract.spec import EngineSpec
 from faultbond.model.graph import BondGraph
 from faultbond.runtime.core import Core
@@ -95,8 +96,9 @@ def predictions(folder: str, inputs_seed: int) -> tuple[tuple[str, str, float], 
     run = samples(healthy(folder, inputs_seed, inputs_seed))
     within = SAMPLES * (graph.sample_time or 1.0)
     begin, found = perf_counter(), []
+    detector, onsets = compiled_detector(core.spec.thresholds), onsets_of(folder)
     for item in smallest_faults(
-        build_model(graph), core.spec, core, run, within=within, onsets=onsets_of(folder), certainty=CERTAINTY
+        build_model(graph), core.spec, core, detector, run, within=within, onsets=onsets, certainty=CERTAINTY
     ):
         nominal = _nominal(graph, item.parameter)
         found += [(item.parameter, way, size / nominal) for way in ("up", "down") if (size := getattr(item, way))]

@@ -14,6 +14,7 @@ from benchmarks.trust.wandering import MODEL, STEP, WANDER, WANDERING, R, course
 from faultbond.analysis.false_alarm_trials import windows_of
 from faultbond.analysis.operation import operate
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
+from faultbond.app.realisations import compiled_detector
 from faultbond.cli import DONE, main
 from faultbond.contract.samples import Sample, Samples
 from faultbond.errors import ModelError
@@ -171,7 +172,12 @@ def analysed(text: str) -> dict[str, SmallestFault]:
         Sample(time=t, dt=dt, u=u, y=y)
         for t, dt, u, y in zip(samples.time, samples.dt, samples.u, samples.y, strict=True)
     ]
-    return {item.parameter: item for item in smallest_faults(model, engine.spec, engine, samples=rows, seconds=None)}
+    return {
+        item.parameter: item
+        for item in smallest_faults(
+            model, engine.spec, engine, compiled_detector(engine.spec.thresholds), samples=rows, seconds=None
+        )
+    }
 
 
 def test_smallest_faults_are_beyond_it() -> None:

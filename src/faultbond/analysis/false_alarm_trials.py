@@ -2,19 +2,19 @@
 
 The healthy filter is linear about a run (`operation`), so noise of sensors and inputs, and healthy parameters off by
 their accuracy, pass its own recursion; slow errors are zero in the plant, since their declared size is a bound; what
-wanders does so. The sums are those of the monitor (`runtime.cusum`), of all realisations at once.
+wanders does so. The sums are those of the monitor (`fit.cusum`, `core/sums.h`), of all realisations at once.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from faultbond.analysis.operation import Operation
+from faultbond.analysis.realisations import CompiledDetector, Realisations
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import RecordingError
-from faultbond.fit.cusum import Floats, Sums, added, height_of, no_sums
+from faultbond.fit.cusum import Sums, added, height_of, no_sums
 
 REALISATIONS = 60  # of noise, per onset
 _SEED = 20
@@ -153,8 +153,8 @@ class Bisection:
 class Detector:
     """The statistics of the detector after each onset, with noise, for faults of any size.
 
-    `counted`, `blanked`: (o, w, n_outputs), whether the sums take the value, or forget those before. Single precision:
-    as good for noise, and faster.
+    `counted`, `blanked`: (o, w, n_outputs), whether the sums take the value, or forget those before. `detector`: with
+    the limits of `spec`.
 
     Raises
     ------
@@ -162,13 +162,18 @@ class Detector:
         Where noise alone always alarms before.
     """
 
-    def __init__(self, spec: EngineSpec, windows: Windows, counted: BoolArray, blanked: BoolArray) -> None:
-        self.spec, self.quiet = spec, windows.quiet
-        self.noise = windows.noise.transpose(1, 0, 3, 2).astype(np.float32)  # (w, o, n_outputs, m): m is looked at most
-        self.slow = windows.slow.transpose(1, 0, 3, 2).astype(np.float32)
-        self.sums = _each(windows.sums, lambda item: item.transpose(0, 1, 3, 2).astype(np.float32))
-        self.limits = spec.slow_limits[alarming(spec)][:, None]
-        self.counted, self.blanked = counted.transpose(1, 0, 2), blanked.transpose(1, 0, 2)
+    def __init__(
+        self, spec: EngineSpec, windows: Windows, counted: BoolArray, blanked: BoolArray, detector: CompiledDetector
+    ) -> None:
+        self.compiled, self.quiet = detector, windows.quiet
+        self.noisy = Realisations(
+            noise=windows.noise.transpose(1, 0, 3, 2),
+            slow=windows.slow.transpose(1, 0, 3, 2),
+            limits=spec.slow_limits[alarming(spec)],
+            begun=_begun(windows.sums),
+            counted=counted.transpose(1, 0, 2),
+            blanked=blanked.transpose(1, 0, 2),
+        )
         if not windows.quiet.any():
             raise RecordingError(
                 f"{spec.model}: in this run noise alone raises the alarm before any fault; "
@@ -187,16 +192,15 @@ class Detector:
         trial : how it is done
         certainty : part of the realisations, over all onsets, that is to be found
         """
-        some = slice(None, None, trial.every or 1) if trial.every else slice(0, 1)
-        quiet = self.quiet[:, some] if trial.every else np.ones((len(self.quiet), 1), dtype=bool)
+        quiet = self.quiet[:, :: trial.every] if trial.every else np.ones((len(self.quiet), 1), dtype=bool)
+        given = _some(self.noisy, trial.every) if trial.every else _silent(self.noisy)
         if not quiet.any():
-            some, quiet = slice(None), self.quiet
+            quiet, given = self.quiet, self.noisy
         low = np.full((innovations.shape[1], *quiet.shape), -trial.reach)
         high = -low
-        effects = innovations.astype(np.float32), slow.astype(np.float32)
         for _ in range(trial.steps):
             middle = (low + high) / 2
-            found = self._found(*effects, np.exp(middle), some, noisy=trial.every > 0)
+            found = self.compiled.alarms(given, innovations, slow, np.exp(middle))
             low, high = np.where(found, low, middle), np.where(found, middle, high)
         beyond = np.exp(trial.reach) if trial.every else np.inf
         needed = np.where(high >= trial.reach, beyond, np.exp((low + high) / 2))
@@ -204,25 +208,28 @@ class Detector:
         ordered = np.sort(needed.reshape(len(needed), -1)[:, counted], axis=1)
         return np.asarray(ordered[:, min(int(certainty * len(counted)), len(counted) - 1)])
 
-    def _found(self, innovations: Floats, slow: Floats, factor: FloatArray, some: slice, *, noisy: bool) -> BoolArray:
-        """Give whether a fault `factor` times as large (c, o, m) raises the alarm in time in each realisation."""
-        settings, larger = self.spec.thresholds, factor.astype(np.float32)[:, :, None, :]
-        shape = (*larger.shape[:2], innovations.shape[-1], larger.shape[3])
-        sums = _each(no_sums(*shape), lambda item: item.astype(np.float32))
-        if noisy:
-            sums = _each(self.sums, lambda item: np.broadcast_to(item[:, None, :, :, some], (len(item), *shape)))
-        peak, slowest = height_of(settings, sums), np.zeros((*shape[:2], slow.shape[-1], shape[3]), np.float32)
-        for w in range(len(innovations)):
-            score, ratios = larger * innovations[w, ..., None], larger * slow[w, ..., None]
-            if noisy:
-                score, ratios = score + self.noise[w, :, :, some], ratios + self.slow[w, :, :, some]
-            sums = added(settings, sums, score, self.counted[w, :, :, None], self.blanked[w, :, :, None])
-            peak = np.maximum(peak, height_of(settings, sums))
-            slowest = np.maximum(slowest, np.abs(ratios))
-        crossed = np.any(peak > settings.cusum_limit, axis=2)
-        return np.asarray(crossed | np.any(slowest > self.limits, axis=2))
+
+def _begun(sums: Sums) -> FloatArray:
+    """Give sums, axes behind the first (o, m, n_outputs), as (o, n_outputs, n_sums, m)."""
+    return np.concatenate([sums.slow, sums.fast, sums.scatter, sums.before]).transpose(1, 3, 0, 2)
 
 
-def _each(sums: Sums, change: Callable[[Floats], Floats]) -> Sums:
-    """Change all sums alike."""
-    return Sums(**{field.name: change(getattr(sums, field.name)) for field in fields(Sums)})
+def _some(given: Realisations, every: int) -> Realisations:
+    """Give one in so many of them."""
+    return replace(
+        given,
+        noise=given.noise[..., ::every],
+        slow=given.slow[..., ::every],
+        begun=given.begun[..., ::every],
+    )
+
+
+def _silent(given: Realisations) -> Realisations:
+    """Give one realisation of them, without noise."""
+    n = given.begun.shape[1]
+    return replace(
+        given,
+        noise=np.zeros_like(given.noise[..., :1]),
+        slow=np.zeros_like(given.slow[..., :1]),
+        begun=np.broadcast_to(_begun(no_sums(1, 1, n)), (*given.begun.shape[:3], 1)),
+    )

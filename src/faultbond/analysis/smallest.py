@@ -25,6 +25,7 @@ from faultbond.analysis.comparison import NO_TIME, Allowance
 from faultbond.analysis.false_alarm_trials import REALISATIONS, Bisection, Detector, windows_of
 from faultbond.analysis.faulty import FaultCase, Faults, FaultTarget, fault_targets
 from faultbond.analysis.operation import Operation, operate, usual_operation
+from faultbond.analysis.realisations import CompiledDetector
 from faultbond.analysis.sensitivity import BIAS, GAIN
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.samples import Sample
@@ -102,6 +103,7 @@ def smallest_faults(
     model: StepModel,
     spec: EngineSpec,
     engine: Core,
+    detector: CompiledDetector,
     samples: Sequence[Sample] | None = None,
     *,
     parameters: Sequence[str] | None = None,
@@ -116,6 +118,7 @@ def smallest_faults(
     Parameters
     ----------
     model, spec, engine : the plant
+    detector : its detector, see `app.realisations`
     samples : a run of the healthy plant, on the grid; default one of `operation.usual_runs`
     parameters : names, of a bias `flow.bias`, of a gain `u.gain`; default all suspects, and what may be wrong with the
         instruments that may fail: biases, and of inputs gains
@@ -149,8 +152,8 @@ def smallest_faults(
     else:
         operation = operate(model, spec, engine, samples)
     windows = windows_of(spec, operation, _onset_rows(spec, operation, length, onsets), length)
-    detector = Detector(spec, windows, operation.counted[windows.rows], operation.blanked[windows.rows])
-    search = _Search(spec, Faults(model, spec, operation, windows.rows), detector, certainty)
+    trials = Detector(spec, windows, operation.counted[windows.rows], operation.blanked[windows.rows], detector)
+    search = _Search(spec, Faults(model, spec, operation, windows.rows), trials, certainty)
     known = {item.name: item for item in fault_targets(spec, operation)}
     chosen = [known[name] for name in asked if name in known and name not in hidden]
     for name in asked:

@@ -9,6 +9,7 @@ from math import inf
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
 from faultbond.app.engine import build_watcher
 from faultbond.app.likelihood import begun_likelihood, likelihood_engine
+from faultbond.app.realisations import compiled_detector
 from faultbond.app.signals import stop_of
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
@@ -495,4 +496,5 @@ def _smallest_in(graph: BondGraph, core: Core, samples: Sequence[Sample] | None)
     """Give the smallest faults of a plant in a run, by default a usual one, in which it holds all the time."""
     always = without_states(graph) if samples is None else graph
     core = core if always == graph else build_watcher(always)
-    return tuple(smallest_faults(build_model(always), core.spec, core, samples, seconds=PATIENCE))
+    detector = compiled_detector(core.spec.thresholds)
+    return tuple(smallest_faults(build_model(always), core.spec, core, detector, samples, seconds=PATIENCE))

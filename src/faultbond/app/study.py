@@ -23,6 +23,7 @@ from faultbond.app.answers import answers
 from faultbond.app.disorder import refuse_disorder
 from faultbond.app.engine import build_watcher
 from faultbond.app.parameter_names import check_names
+from faultbond.app.realisations import compiled_detector
 from faultbond.app.rows import naming, no_time, sample_of, texts_of
 from faultbond.app.section import Section, Work
 from faultbond.app.simulation import START_POINTS, solved_start, start_of
@@ -249,7 +250,14 @@ def _smallest(study: _Study, wishes: Wishes, view: CapabilityView) -> Section:
     try:
         seconds = SIZE_SECONDS * wishes.budget
         sizes = smallest_faults(
-            study.model, spec, engine, samples, within=wishes.within, hidden=_hidden(study, view), seconds=seconds
+            study.model,
+            spec,
+            engine,
+            compiled_detector(spec.thresholds),
+            samples,
+            within=wishes.within,
+            hidden=_hidden(study, view),
+            seconds=seconds,
         )
         order = [item.name for item in spec.parameters]
         found = sorted(sizes, key=lambda item: order.index(item.parameter) if item.parameter in order else len(order))

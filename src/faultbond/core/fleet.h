@@ -112,6 +112,8 @@ static inline void lane_to(double (*block)[FB_LANES], int l, int64_t n, const do
 #define is_off SIDE(is_off)
 #define is_surprising SIDE(is_surprising)
 #define see SIDE(see)
+#define scale_of_fast SIDE(scale_of_fast)
+#define scale_of_scatter SIDE(scale_of_scatter)
 #define clip SIDE(clip)
 #define scatter_gain SIDE(scatter_gain)
 #define add_score SIDE(add_score)
@@ -365,6 +367,8 @@ FB_OF_FLEETS void watch_groups(Fleet *fleet, const Portion *portion, int64_t fir
 #undef is_off
 #undef is_surprising
 #undef see
+#undef scale_of_fast
+#undef scale_of_scatter
 #undef clip
 #undef scatter_gain
 #undef add_score

@@ -41,10 +41,6 @@
 static const double TREND_WANDERS[TRENDS] = {1e-6, 1e-4, 1e-2, 100.0, 0.0, 0.0, 0.0, 0.0, 0.0};
 static const double TREND_TURNS[TRENDS] = {0.0, 0.0, 0.0, 0.0, 1e-8, 1e-6, 1e-4, 1e-2, 1.0};
 
-/* The limit of the slow sums in those of the fast ones, and in those of the scatter. */
-static double scale_of_fast(void) { return isfinite(CUSUM_LIMIT) ? CUSUM_LIMIT / FAST_LIMIT : 1.0; }
-static double scale_of_scatter(void) { return isfinite(CUSUM_LIMIT) ? CUSUM_LIMIT / SCATTER_LIMIT : 1.0; }
-
 /* Samples of a window over which walks are judged. */
 static inline int64_t length_of_walk(int window)
 {

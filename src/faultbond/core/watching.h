@@ -3,16 +3,7 @@
    stand for: `real` and `whole` numbers, a `flag` that is true or not, SAME for all, PICK one where a flag is true and else the
    other, NOT. */
 
-/* The larger, and the smaller, of two numbers; what is no number stays none. */
-static inline real larger(real a, real b) { return PICK((a >= b) | (a != a), a, b); }
-static inline real smaller(real a, real b) { return PICK((a <= b) | (a != a), a, b); }
-
-/* The same of two that are numbers. */
-static inline real lesser(real a, real b) { return PICK(a < b, a, b); }
-static inline real greater(real a, real b) { return PICK(a > b, a, b); }
-
-static inline flag is_finite(real a) { return a - a == 0.0; }
-static inline real positive(real sum) { return PICK(sum > 0.0, sum, SAME(0.0)); }
+#include "real.h"
 
 #include "smooth.h"
 
@@ -223,56 +214,7 @@ static inline void see(Sensors *sensors, const real *packed)
     }
 }
 
-/* Limit what one sample contributes. */
-static inline real clip(real score)
-{
-    return PICK(score > CUSUM_CLIP, SAME(CUSUM_CLIP), PICK(score < -CUSUM_CLIP, SAME(-CUSUM_CLIP), score));
-}
-
-/* Log-likelihood ratio of SCATTER_RATIO times the declared noise, for the difference of two innovations. To each of the last
-   ones, since a bias, or what the model gets wrong slowly, is no noise; nor is an oscillation, which returns to where it
-   was after some samples. */
-static inline real scatter_gain(real apart)
-{
-    const real size = lesser(SIZE(apart), SAME(FB_SQRT2 * CUSUM_CLIP));
-    return 0.25 * (1.0 - 1.0 / (SCATTER_RATIO * SCATTER_RATIO)) * size * size - log(SCATTER_RATIO);
-}
-
-/* Take the innovation of sensor j, in its standard deviation, into its sums where it counts. */
-static inline void add_score(Sensors *sensors, int j, real score, flag counts)
-{
-    const real limited = clip(score);
-    for (int side = 0; side < 2; side++) {
-        const real one = side ? -limited : limited;
-        real *slow = &sensors->cusum[side][j], *fast = &sensors->fast[side][j];
-        *slow = PICK(counts, positive(*slow + (one - CUSUM_DRIFT)), *slow);
-        *fast = PICK(counts, positive(*fast + (one - FAST_DRIFT)), *fast);
-    }
-    for (int k = 0; k < LAGS; k++) {
-        const real gained = sensors->scatter[k][j] + scatter_gain(score - sensors->before[k][j]);
-        const flag compared = counts & is_finite(sensors->before[k][j]);
-        sensors->scatter[k][j] = PICK(compared, positive(gained), sensors->scatter[k][j]);
-    }
-    for (int k = LAGS - 1; k >= 0; k--)
-        sensors->before[k][j] = PICK(counts, k > 0 ? sensors->before[k - 1][j] : score, sensors->before[k][j]);
-}
-
-/* The scatter counts as far as it is seen against each of the last innovations. */
-static inline real least_scatter(const Sensors *sensors, int j)
-{
-    real found = sensors->scatter[0][j];
-    for (int k = 1; k < LAGS; k++) found = lesser(found, sensors->scatter[k][j]);
-    return found;
-}
-
-/* The largest sum of sensor j, in the scale of the slow ones: above CUSUM_LIMIT is an alarm. How far the others are on their
-   way counts. */
-static inline real statistic(const Sensors *sensors, int j)
-{
-    const real fast = scale_of_fast() * greater(sensors->fast[0][j], sensors->fast[1][j]);
-    const real slow = greater(sensors->cusum[0][j], sensors->cusum[1][j]);
-    return greater(greater(slow, fast), scale_of_scatter() * least_scatter(sensors, j));
-}
+#include "sums.h"
 
 /* The usual square of a normalised innovation after one more. Declared noises and slow errors are bounds more often than
    facts. Likelihoods reckon with the squares that are seen while the plant is healthy: else a hypothesis would win by the

@@ -13,7 +13,7 @@ from faultbond.contract.findings import MAX_CANDIDATES, MOST_RIVALS
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.reserve import PER_SET, extensions, n_grown
 from faultbond.contract.slots import BIASES, INPUT_BIASES, NOISES, plan_slots
-from faultbond.contract.spec import EngineSpec
+from faultbond.contract.spec import EngineSpec, Thresholds
 from faultbond.synthesis.emit import literal
 from faultbond.types import SURE, CheckKind, FaultKind
 
@@ -51,13 +51,7 @@ def plan_sizes(spec: EngineSpec) -> dict[str, int | str]:
         "STEPS_LAG": int(any(lane.lag > 0.0 for lane in plan_slots(spec).lanes)),
         "DRIFTS_KEEP": int(any(lane.keeps for lane in plan_slots(spec).lanes)),
         "SAMPLE_TIME": literal(spec.sample_time or 0.0),
-        "CUSUM_DRIFT": literal(settings.cusum_drift),
-        "CUSUM_LIMIT": literal(settings.cusum_limit),
-        "CUSUM_CLIP": literal(settings.cusum_clip),
-        "FAST_DRIFT": literal(settings.fast_drift),
-        "FAST_LIMIT": literal(settings.fast_limit),
-        "SCATTER_RATIO": literal(settings.scatter_ratio),
-        "SCATTER_LIMIT": literal(settings.scatter_limit),
+        **sum_settings(settings),
         "LEARNING_BOUND": literal(settings.learning_bound),
         "BANK_BOUND": literal(settings.bank_bound),
         "WILDEST": literal(settings.bank_bound**2),
@@ -73,6 +67,19 @@ def plan_sizes(spec: EngineSpec) -> dict[str, int | str]:
         "MOST_RIVALS": MOST_RIVALS,
         "SURE": literal(SURE),
         **({"TIED": 1} if spec.correlations else {}),
+    }
+
+
+def sum_settings(settings: Thresholds) -> dict[str, str]:
+    """Give the drifts and limits of the sums of the detector."""
+    return {
+        "CUSUM_DRIFT": literal(settings.cusum_drift),
+        "CUSUM_LIMIT": literal(settings.cusum_limit),
+        "CUSUM_CLIP": literal(settings.cusum_clip),
+        "FAST_DRIFT": literal(settings.fast_drift),
+        "FAST_LIMIT": literal(settings.fast_limit),
+        "SCATTER_RATIO": literal(settings.scatter_ratio),
+        "SCATTER_LIMIT": literal(settings.scatter_limit),
     }
 
 

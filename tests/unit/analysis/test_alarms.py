@@ -8,6 +8,7 @@ import pytest
 from faultbond.analysis import false_alarm_trials
 from faultbond.analysis.false_alarm_trials import Bisection, Detector, alarms, windows_of
 from faultbond.analysis.operation import usual_operation
+from faultbond.app.realisations import compiled_detector
 from faultbond.contract.samples import Sample
 from faultbond.fit.cusum import added, height_of, no_sums
 from faultbond.runtime.monitor import Monitor
@@ -87,7 +88,13 @@ def test_the_factor_parts_what_alarms_from_what_does_not(shape: str, promised: b
     effects = np.full((101, 1, 3, 1), 0.2) * np.array([1.0, 0.8, 1.2])[:, None]
     if shape == "burst":
         effects *= np.random.default_rng(7).choice([-4.0, 4.0], (101, 1, 1, 1))
-    detector = Detector(spec, windows, operation.counted[windows.rows], operation.blanked[windows.rows])
+    detector = Detector(
+        spec,
+        windows,
+        operation.counted[windows.rows],
+        operation.blanked[windows.rows],
+        compiled_detector(spec.thresholds),
+    )
     (factor,) = detector.enough(effects, np.zeros((101, 1, 3, 0)), Bisection(np.log(20.0), 12, 1, 0.0), 0.6)
     share = []
     for larger in (1.02 * factor, factor / 1.02):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
+from faultbond.app.realisations import compiled_detector
 from faultbond.contract.samples import Sample
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
@@ -30,7 +31,7 @@ def built(model: StepModel) -> Built:
 
 def found(plant: Built, **options: object) -> dict[str, SmallestFault]:
     """Give the smallest faults by parameter."""
-    return {item.parameter: item for item in smallest_faults(*plant, **options)}  # type: ignore[arg-type]
+    return {item.parameter: item for item in smallest_faults(*plant, compiled_detector(plant[1].thresholds), **options)}  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
