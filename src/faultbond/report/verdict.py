@@ -248,7 +248,7 @@ def detection_sentence(detection: Detection, *, is_known_to_alarm: bool = False)
     after = f"delay {duration_text(delay)}" if delay >= 0.0 else "by the clock as it was before it was set back"
     return (
         f"{what} at {clock_text(detection.time)}{where}; "
-        f"it began at about {clock_text(detection.change_time)} ({after})."
+        f"it has shown since about {clock_text(detection.change_time)} ({after})."
     )
 
 

@@ -128,7 +128,7 @@ def test_a_clock_that_was_set_back_gives_no_time_below_none(history: History) ->
     assert told == "No fault found in 90 samples (90 s)."
     (alarm,) = history.detections
     late = detection_sentence(replace(alarm, time=10.0, change_time=30.0))
-    assert late.endswith("it began at about 30 s (by the clock as it was before it was set back).")
+    assert late.endswith("it has shown since about 30 s (by the clock as it was before it was set back).")
 
 
 def test_an_early_verdict_says_so(history: History) -> None:
@@ -368,7 +368,7 @@ def test_detection_without_diagnosis_says_so(history: History) -> None:
 def test_alarm_names_signal_onset_and_delay(history: History) -> None:
     """The alarm is dated on the recording's clock."""
     text = detection_sentence(history.detections[0])
-    assert text == "Fault detected at 876 s in flow; it began at about 609 s (delay 4.45 min)."
+    assert text == "Fault detected at 876 s in flow; it has shown since about 609 s (delay 4.45 min)."
 
 
 def test_alarm_by_a_walk_names_the_parameter(history: History) -> None:
