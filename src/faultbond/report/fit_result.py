@@ -560,5 +560,6 @@ def fit_verdict(fitted: Fitted) -> str:
         if slow
         else " What is left is white."
     )
-    third = " It alarms on no recording." if fitted.alarms is not None and not fitted.alarms else ""
+    is_quiet = fitted.alarms is not None and not fitted.alarms
+    third = " It alarms on no recording; how often it will, `faultbond check --data` says." if is_quiet else ""
     return first + second + third
