@@ -97,6 +97,14 @@ def test_singular_samples_are_told_by_what_is_measured() -> None:
     assert told == ["max(m_0, 0.1)*3", "m_0*u_0*(1 - exp(-(3/(max(m_0, 0.1)*3))))"]
 
 
+def test_a_root_of_a_size_has_a_value_everywhere() -> None:
+    """Of a valve through which either pressure may drive, only what is no size can be too small for its root."""
+    for inside, expected in (("abs(p)", []), ("p", ["no real value where this is negative"])):
+        network, plant = static({"valve": f"f - K*sqrt({inside}) - p"}, ("p",), ("f",), {"K": 2.0})
+        told = [item.words for item in solve(network, route_to(network, "K"), plant).singular]
+        assert [words for words in told if "real" in words] == expected
+
+
 def test_undetermined() -> None:
     """Of the RC circuit only the product of R and C acts: there is no closed form for both, and it is said."""
     network, plant = example("rc")

@@ -288,5 +288,6 @@ def _singular(roots: Sequence[Root], problem: Problem) -> tuple[Singular, ...]:
                     case _:
                         continue
                 spelled = fold(substitute(inside, {key: own[key] for key in names(inside) if key in own}))
-                found.setdefault(spelled, Singular(name=name, expression=spelled, words=words))
+                if isinstance(part, Binary) or not (isinstance(spelled, Call) and spelled.function == "abs"):
+                    found.setdefault(spelled, Singular(name=name, expression=spelled, words=words))
     return tuple(reversed(found.values()))
