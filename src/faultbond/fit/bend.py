@@ -41,6 +41,11 @@ class Bend:
         logarithm = np.log(np.maximum(np.abs(values), self.least) / self.usual)
         return np.square(logarithm) if self.bowed else logarithm
 
+    def steepness(self, power: float) -> float:
+        """Give by how much a power moves the logarithm of the factor from the usual size to twice of it."""
+        doubled = np.log(2.0) ** (2.0 if self.bowed else 1.0) if self.least else 1.0
+        return float(abs(power) * doubled)
+
     def factor(self, power: str) -> Expression:
         """Give the factor with the parameter that is its power."""
         if not self.least:

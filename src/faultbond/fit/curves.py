@@ -10,7 +10,7 @@ from faultbond.equations.constraint_network import build_network
 from faultbond.equations.step import StepModel
 from faultbond.fit.bend import bend_by
 from faultbond.fit.imperfections import TEMPERATURE, Imperfection, Kind, assignments, parameter_name, power_of
-from faultbond.model.expression import Binary, Expression, Name, Number, factors, names, powers, rebuilt
+from faultbond.model.expression import Binary, Expression, Name, Number, exponents, factors, names, powers, rebuilt
 from faultbond.model.graph import BondGraph, Check, Component
 from faultbond.model.parser import to_text
 from faultbond.types import CheckKind, ElementType
@@ -139,14 +139,13 @@ def _laws(model: StepModel) -> list[_Law]:
         residuals = [rebuilt(item.residual, stated) for item in network.constraints if item.owner == part.name]
         for law, residual in zip(part.laws, residuals, strict=True):
             raised = dict(powers(residual))
-            exponents = {name for one in raised.values() for name in names(one)}
             bases = [one for one in raised if not isinstance(one, Name) and set(names(one)) - numbers]
             named = tuple(name for name in names(residual) if name not in numbers)
             alone = residual.left if isinstance(residual, Binary) and residual.operator == "-" else residual
             degrees = any(graph.signal_unit(name).text == TEMPERATURE for name in names(law.left))
             found.append(
                 _Law(
-                    parameters=frozenset(parameters & set(names(residual)) - exponents),
+                    parameters=frozenset(parameters & set(names(residual)) - exponents(residual)),
                     named=named,
                     given=frozenset(name for name in named if (part.name, name) in solved),
                     bases=tuple(bases),

@@ -16,7 +16,7 @@ from faultbond.equations.sequence import Assignment, Step
 from faultbond.equations.step import StepModel
 from faultbond.fit.bend import Bend
 from faultbond.fit.likelihood import Layout, felt_moves
-from faultbond.model.expression import Binary, Expression, Name, names, powers, rebuilt
+from faultbond.model.expression import Binary, Expression, Name, exponents, rebuilt
 from faultbond.model.graph import BondGraph, Component, Parameter, Relation, SlowError, Unit
 from faultbond.model.parser import to_text
 from faultbond.types import Hold
@@ -232,12 +232,11 @@ def _unseen(graph: BondGraph) -> Iterator[str]:
     An exponent stays what it is.
     """
     nominals = {item.name: item.nominal for item in graph.parameters}
-    laws = (law.right for item in graph.components for law in item.laws)
-    exponents = {name for law in laws for _, power in powers(law) for name in names(power)}
+    raised = frozenset().union(*(exponents(law.right) for item in graph.components for law in item.laws))
     for item in graph.components:
         stores = item.type.is_store or any(law.store for law in item.laws)
         if stores or len(item.parameters) > 1:
-            yield from (name for name in item.parameters if nominals[name] != 0.0 and name not in exponents)
+            yield from (name for name in item.parameters if nominals[name] != 0.0 and name not in raised)
 
 
 def kind_of(item: SlowError) -> Kind:

@@ -106,6 +106,17 @@ def powers(expression: Expression) -> Iterator[tuple[Expression, Expression]]:
                 yield base, Number(0.5)
 
 
+def exponents(expression: Expression) -> frozenset[str]:
+    """Give the names that stand in a power, or in what an exponential is of."""
+    raised = (power for _, power in powers(expression))
+    argued = (item for part in walk(expression) for item in _argument(part))
+    return frozenset(name for one in (*raised, *argued) for name in names(one))
+
+
+def _argument(part: Expression) -> tuple[Expression, ...]:
+    return part.arguments if isinstance(part, Call) and part.function == "exp" else ()
+
+
 def factors(expression: Expression) -> frozenset[str]:
     """Give the names by which a product is multiplied; a constant that is added to it counts as nothing."""
     match expression:

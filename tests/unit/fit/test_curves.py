@@ -32,8 +32,10 @@ from faultbond.fit.ground import MOST_POWER, Ground
 from faultbond.fit.imperfections import (
     Imperfection,
     Kind,
+    law_signals,
     laws_of_signals,
     parameter_name,
+    possible,
     power_of,
     with_imperfections,
     without_curve,
@@ -176,6 +178,18 @@ def test_parameters_go_with_what_their_laws_do_not_give() -> None:
         "K_out": (["box.e/K_out"], ["line.f"], ["speed", "damper"]),  # the law gives the flow
     }
     assert blocks == {"H": (["n"], [], []), "R": (["P"], [], ["H*n"])}  # which a sensor shows
+
+
+@pytest.mark.parametrize("law", ["(flow/usual)**n*e", "exp(-n*log(flow/usual)**2)*e"])
+def test_an_exponent_goes_with_nothing(law: str) -> None:
+    """Nor does it wander: also that of a bow, which an earlier fit has written, is what it is."""
+    text = COOLER.replace("(flow/usual)**0.8*e, parameters: {", f"{law}, parameters: {{n: 0.8, ")
+    assert law in text
+    model = build_step_model(build_plant(parse_model(text)))
+    assert {item.parameter for item in bendable_parameters(model)} == {"k", "U", "h"}
+    wandering = {item.place for item in possible(model.plant.graph, law_signals(model), 2) if item.kind is Kind.WANDER}
+    assert "n" not in wandering
+    assert "h" in wandering
 
 
 def test_a_change_of_what_goes_with_its_own_flow_is_found_as_large_as_it_is() -> None:
@@ -392,6 +406,47 @@ def test_of_a_power_and_a_bow_the_power_is_kept_that_explains_as_much() -> None:
     others = [(replace(bow, place="k"), 100.0), (replace(bow, bend=replace(bend, by=Name("load"))), 100.0)]
     assert further.plainest([(power, 98.0), (bow, 100.0), *others]) == [(power, 98.0), *others]
     assert further.plainest([(power, 90.0), (bow, 100.0)]) == [(power, 90.0), (bow, 100.0)]
+
+
+def footing_with(stand: Footing, held: float, *items: Imperfection) -> Footing:
+    """Give where some imperfections lead, all of the same gain."""
+    return replace(stand, held=held, added=tuple(Added(what=item, trained=held, held=held) for item in items))
+
+
+def test_of_curves_that_explain_as_much_the_gentlest_is_kept() -> None:
+    """A power of 2 over a pressure that hardly moves says much of where that never was; the others are named."""
+    stand = Footing(graph=parse_model(COOLER), values={}, starts={})
+    steep = replace(curve_over("film.e", foreign=False), size=1.97)
+    bend = Bend(X, "flow", 1.0, 0.1, bowed=True)
+    bow = replace(curve_over("flow", foreign=False), kind=Kind.BOW, size=-0.03, bend=bend)
+    bowed = footing_with(stand, 917.0, replace(power_of(bow), size=0.024), bow)
+    other = footing_with(stand, 950.0, replace(steep, place="k"))
+    slow = footing_with(stand, 912.0, Imperfection(kind=Kind.ABSOLUTE, place="film.f"))
+    pressure = footing_with(stand, 926.0, steep)
+    kept = further.gentlest(stand, [pressure, slow, bowed, other])
+    assert [item.added[-1].what.key for item in kept] == [item.added[-1].what.key for item in (slow, bowed, other)]
+    assert [item.added[-1].alike for item in kept] == [(), (steep,), ()]
+    assert [len(item.added) for item in kept] == [1, 2, 1]  # with the power beside it
+    # What explains clearly more is kept however steep it is, and one over what the law speaks of before another.
+    clear = footing_with(stand, 1000.0, steep)
+    assert further.gentlest(stand, [clear, bowed]) == [clear, bowed]
+    foreign = footing_with(stand, 926.0, replace(steep, size=0.001, foreign=True))
+    (own,) = further.gentlest(stand, [foreign, pressure])
+    assert own.added[-1].what == steep
+
+
+@pytest.mark.parametrize(
+    ("bend", "change"),
+    [(Bend(X, "x", 3.0, 0.1), 2.0), (Bend(X, "x", 3.0, 0.1, bowed=True), 2.0), (Bend(X, "x", 3.0), 1.0)],
+)
+def test_how_steep_a_curve_is(bend: Bend, change: float) -> None:
+    """By what its factor changes from the usual size to twice that, up or down."""
+    usual, twice = bend.logarithm(np.array([3.0, 3.0 * change]))
+    assert bend.steepness(0.7) == bend.steepness(-0.7)
+    if bend.least:
+        assert bend.steepness(0.7) == pytest.approx(0.7 * (twice - usual))
+    else:
+        assert bend.steepness(0.7) == pytest.approx(0.7 * bend.logarithm(np.array([3.0]))[0])
 
 
 def test_a_bow_has_a_power_beside_it_unless_that_is_there() -> None:
