@@ -69,6 +69,19 @@ def test_a_column_in_another_unit_is_told(
     assert text in page.read_text().replace("\u00a0", " ")
 
 
+@pytest.mark.parametrize(("ends", "told"), [("10 percent, 90 percent", True), ("0 percent, 1 percent", False)])
+def test_an_input_that_is_where_it_was_in_the_fit_has_its_unit(
+    ends: str, told: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What lies a little beyond that range is an operation that the model never saw, and in no unit nearer to it."""
+    stated, text = "u_in:  {unit: percent", Path(MODEL).read_text()
+    assert stated in text
+    model = tmp_path / "model.yaml"
+    model.write_text(text.replace(stated, f"{stated}, fitted_range: [{ends}]"))
+    main(["run", str(model), recording(tmp_path, times(U_IN, 0.01))])
+    assert (f"the input u_in in {FRACTION}, not in percent" in " ".join(capsys.readouterr().out.split())) == told
+
+
 @pytest.mark.parametrize("unit", ["", "Pa", "degC", "degF", "m^3/h"])
 def test_the_other_sign_is_that_of_the_number_in_the_file(unit: str) -> None:
     """Of a unit that does not begin at 0, the number is turned round, not what it is in SI."""

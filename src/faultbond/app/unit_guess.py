@@ -125,10 +125,20 @@ def guess_units(watchers: Iterator[Watcher], points: Iterable[PointBlock], alarm
     for other in _others(watcher.spec, alarm.signals, len(begin)):
         u, y = begin.u.copy(), begin.y.copy()
         column = (y if other.is_sensor else u)[:, other.place]
+        declared = column.copy()
         column[:] = other.factor * column + other.shift
+        if not other.is_sensor and not _is_likelier(column, declared, watcher.spec.inputs[other.place].fitted_range):
+            continue
         if _is_quiet(next(watchers), replace(begin, u=u, y=y)):
             found.append(other.guess)
     return tuple(found) if len({item.name for item in found}) <= MOST_NAMED else ()
+
+
+def _is_likelier(read: FloatArray, declared: FloatArray, known: tuple[float, float]) -> bool:
+    """Whether an input, (n,), read so, was more often where it was in the recordings of the fit; where known."""
+    lower, upper = known
+    shares = [float(np.mean((lower <= values) & (values <= upper))) for values in (read, declared)]
+    return not np.isfinite(known).all() or shares[0] > shares[1]
 
 
 def _beginning(points: Iterable[PointBlock], last: int) -> Samples:

@@ -231,7 +231,7 @@ function earlySentence(diagnosis, detection) {
   return `This is early, ${withNoun(since, "sample")} after the alarm: up to ${MODEL.lastRenewal} it may still change.`;
 }
 
-const EVENLY = "that stands in the percentages above, in equal parts.";
+const EVENLY = "each percentage above has an even share of that in it.";
 
 // How likely it is that the model is off, and how likely the first is if it is right.
 function mismatchText(diagnosis) {

@@ -10,7 +10,18 @@ from faultbond.equations.constraint_network import build_network
 from faultbond.equations.step import StepModel
 from faultbond.fit.bend import bend_by
 from faultbond.fit.imperfections import TEMPERATURE, Imperfection, Kind, assignments, parameter_name, power_of
-from faultbond.model.expression import Binary, Expression, Name, Number, exponents, factors, names, powers, rebuilt
+from faultbond.model.expression import (
+    Binary,
+    Call,
+    Expression,
+    Name,
+    Number,
+    exponents,
+    factors,
+    names,
+    powers,
+    rebuilt,
+)
 from faultbond.model.graph import BondGraph, Check, Component
 from faultbond.model.parser import to_text
 from faultbond.types import CheckKind, ElementType
@@ -139,7 +150,7 @@ def _laws(model: StepModel) -> list[_Law]:
         residuals = [rebuilt(item.residual, stated) for item in network.constraints if item.owner == part.name]
         for law, residual in zip(part.laws, residuals, strict=True):
             raised = dict(powers(residual))
-            bases = [one for one in raised if not isinstance(one, Name) and set(names(one)) - numbers]
+            bases = [one for one in raised if _is_base(one) and set(names(one)) - numbers]
             named = tuple(name for name in names(residual) if name not in numbers)
             alone = residual.left if isinstance(residual, Binary) and residual.operator == "-" else residual
             degrees = any(graph.signal_unit(name).text == TEMPERATURE for name in names(law.left))
@@ -157,6 +168,11 @@ def _laws(model: StepModel) -> list[_Law]:
                 )
             )
     return found
+
+
+def _is_base(one: Expression) -> bool:
+    """Whether what is raised to a power stands for all in it; a bow that an earlier fit has written has a logarithm."""
+    return not isinstance(one, Name) and not (isinstance(one, Call) and one.function == "log")
 
 
 def _without(expression: Expression, parts: Collection[Expression]) -> Expression:

@@ -12,7 +12,7 @@ from faultbond.types import TimeGrid
 
 NEGLIGIBLE = 0.001  # probability that is not worth a word
 CONTRADICTED = "The data contradict them all: their order tells which comes nearest, and none is likely."
-EVENLY = "that stands in the percentages above, in equal parts."
+EVENLY = "each percentage above has an even share of that in it."
 LITTLE_SEEN = 500  # samples: an alarm that comes earlier may as well tell that the model never fitted
 
 

@@ -180,13 +180,14 @@ def test_parameters_go_with_what_their_laws_do_not_give() -> None:
     assert blocks == {"H": (["n"], [], []), "R": (["P"], [], ["H*n"])}  # which a sensor shows
 
 
-@pytest.mark.parametrize("law", ["(flow/usual)**n*e", "exp(-n*log(flow/usual)**2)*e"])
+@pytest.mark.parametrize("law", ["(flow/usual)**n*e", "exp(-n*log(flow/usual)**2)*flow/usual*e"])
 def test_an_exponent_goes_with_nothing(law: str) -> None:
     """Nor does it wander: also that of a bow, which an earlier fit has written, is what it is."""
     text = COOLER.replace("(flow/usual)**0.8*e, parameters: {", f"{law}, parameters: {{n: 0.8, ")
     assert law in text
     model = build_step_model(build_plant(parse_model(text)))
-    assert {item.parameter for item in bendable_parameters(model)} == {"k", "U", "h"}
+    found = {item.parameter: [to_text(one) for one in item.spoken] for item in bendable_parameters(model)}
+    assert found == {"k": ["load"], "U": ["wall.e"], "h": ["flow/usual" if "**n" in law else "flow", "film.e"]}
     wandering = {item.place for item in possible(model.plant.graph, law_signals(model), 2) if item.kind is Kind.WANDER}
     assert "n" not in wandering
     assert "h" in wandering

@@ -211,7 +211,7 @@ def test_what_lies_within_the_accuracy_is_not_claimed(history: History) -> None:
     assert "Nearest comes a change of the pipe: K1 " in told
     view = view_of(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
     assert view.left_out.startswith(
-        "With 90.0 % nothing that is tested changed by more than it may while healthy: that stands"
+        "With 90.0 % nothing that is tested changed by more than it may while healthy: each percentage above has an even share"
     )
     less = replace(history, diagnoses=(*history.diagnoses, replace(diagnosis, within_accuracy=0.05)))
     told = verdict_sentence(GRAPH, less, RunCounts(samples=9), Notation.FILE)
@@ -233,7 +233,7 @@ def test_a_model_that_is_off_is_told_with_its_cure(history: History) -> None:
         "accuracy of K3 larger, or that it wanders, or mend what moves it. Nearest comes a change of the pipe" in told
     )
     view = view_of(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
-    evenly = "that stands in the percentages above, in equal parts."
+    evenly = "each percentage above has an even share of that in it."
     assert view.left_out == f"With 90.0 % the model is off: {evenly}"
     both = (replace(best, probability=0.53), replace(best, probability=0.47))
     left = mismatch_sentence(replace(diagnosis, mismatch=0.9, candidates=both))
