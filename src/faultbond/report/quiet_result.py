@@ -323,7 +323,9 @@ def quiet_record(found: Quieted) -> Record:
                 "order": item.what.order if item.what.kind is Kind.LAG else None,
                 "gain": item.trained,
                 "gain_held_back": item.held,
-                "alike": [{"kind": other.kind.value, "of": other.place} for other in item.alike],
+                "alike": [
+                    {"kind": other.kind.value, "of": other.place, "over": other.by or None} for other in item.alike
+                ],
             }
             for item in found.added
         ],
@@ -490,13 +492,16 @@ def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:
     if item.what.kind in KIND_HOLDS:
         number = words = ""
     stages = f" in {item.what.order} stages" if item.what.order > 1 else ""
+    gains = tuple(f"{gain:+.0f}".replace("-", MINUS) for gain in (item.trained, item.held))
+    if item.what.kind is Kind.CURVE and not item.trained and not item.held:
+        gains = "with its bow", ""
     return (
         item.what.kind.value + stages,
         item.what.key[1],
         number,
         words,
         memory,
-        *(f"{gain:+.0f}".replace("-", MINUS) for gain in (item.trained, item.held)),
+        *gains,
     )
 
 

@@ -450,6 +450,14 @@ def test_how_steep_a_curve_is(bend: Bend, change: float) -> None:
         assert bend.steepness(0.7) == pytest.approx(0.7 * bend.logarithm(np.array([3.0]))[0])
 
 
+def test_a_power_that_came_with_its_bow_has_no_gain_of_its_own() -> None:
+    """Nobody asked what it would gain alone."""
+    power = replace(curve_over("flow", foreign=False), size=0.02)
+    graph = parse_model(COOLER)
+    assert _added_row(graph, Added(what=power, trained=0.0, held=0.0))[5:] == ("with its bow", "")
+    assert _added_row(graph, Added(what=power, trained=12.0, held=-3.0))[5:] == ("+12", f"{MINUS}3")
+
+
 def test_a_bow_has_a_power_beside_it_unless_that_is_there() -> None:
     """Nobody knows where it has its end; what was added before is not added twice."""
     bow = replace(curve_over("flow", foreign=False), kind=Kind.BOW, bend=Bend(X, "flow", 1.0, 0.1, bowed=True))

@@ -211,7 +211,7 @@ def test_what_lies_within_the_accuracy_is_not_claimed(history: History) -> None:
     assert "Nearest comes a change of the pipe: K1 " in told
     view = view_of(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
     assert view.left_out.startswith(
-        "With 90.0 % nothing that is tested changed by more than it may while healthy: each percentage above has an even share"
+        "With 90.0 % nothing that is tested changed by more than it may while healthy: each percentage"
     )
     less = replace(history, diagnoses=(*history.diagnoses, replace(diagnosis, within_accuracy=0.05)))
     told = verdict_sentence(GRAPH, less, RunCounts(samples=9), Notation.FILE)
