@@ -27,6 +27,7 @@ from faultbond.app.quiet_fit import (
     widened,
 )
 from faultbond.app.signals import Stopped
+from faultbond.app.wishes import FitWishes
 from faultbond.arrays import FloatArray
 from faultbond.cli import DONE, main
 from faultbond.cli.program import NO_VERDICT
@@ -71,6 +72,7 @@ from faultbond.model.parser import to_text
 from faultbond.model.text import load_model, parse_model
 from faultbond.report.fit_result import Fitted, noise_rows
 from faultbond.report.health import health_record, where_lines
+from faultbond.report.numbers import MINUS
 from faultbond.report.quiet_result import (
     Quieted,
     _added_row,
@@ -85,6 +87,7 @@ from faultbond.report.reservations import unexplained_sentence
 from faultbond.runtime.core import Core
 from faultbond.synthesis.engine import build_model
 from faultbond.types import Hold
+from made import EXAMPLES
 from winding import MODEL
 
 R, L, NOISE, STEP = 3.3, 2.2, 0.02, 0.02
@@ -142,6 +145,27 @@ def model(tmp_path: Path) -> Path:
 def no_sizes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the smallest faults before and after, half of a search's time, where a test does not look at them."""
     monkeypatch.setattr(quiet_fit, "_smallest", lambda *_: [(), ()])
+
+
+@pytest.mark.parametrize(("fixed", "told"), [((), True), (("C",), False)])
+def test_what_data_do_not_show_is_told_before_the_search(fixed: tuple[str, ...], told: bool, tmp_path: Path) -> None:
+    """Who knows the capacity need not wait for a search among values that only the declared accuracies hold."""
+    example = EXAMPLES / "rc"
+    rows = (example / "healthy.csv").read_text().splitlines()[:801]
+    (tmp_path / "healthy.csv").write_text("\n".join([*rows, ""]))
+    heard: list[str] = []
+
+    def tell(text: str) -> None:
+        if text == "putting the first model on trial":
+            raise KeyboardInterrupt
+
+    wishes = FitWishes(fixed=fixed, until_quiet=True)
+    with pytest.raises(KeyboardInterrupt):
+        identification.identified(
+            str(example / "model.yaml"), (tmp_path / "healthy.csv",), wishes=wishes, tell=tell, warn=heard.append
+        )
+    assert [text.startswith(f"R +10 %, C {MINUS}10 % together: ") for text in heard] == [True] * told
+    assert all("stop here (Ctrl-C)" in text for text in heard)
 
 
 @pytest.mark.usefixtures("no_sizes")

@@ -148,7 +148,7 @@ def identified(
     recordings : healthy recordings
     wishes : what is to be fitted, and how
     tell : is told what is being done
-    warn : is told which sensors and inputs gave hardly a value
+    warn : is told which sensors and inputs gave hardly a value, and, before a search, what the data do not show
     """
     document = read_document(model)
     graph = load_model(document)
@@ -164,7 +164,7 @@ def identified(
         if wishes.until_quiet:
             from faultbond.report.quiet_result import told_in_file  # noqa: PLC0415 - needed here alone
 
-            quieted = _quieted(text, graph, read, wishes, tell)
+            quieted = _quieted(text, graph, read, wishes, tell, warn)
             return Identified(
                 graph=graph,
                 fitted=quieted.fitted,
@@ -229,11 +229,12 @@ def _quieted(
     read: tuple[tuple[str, list[Sample]], ...],
     wishes: FitWishes,
     tell: Callable[[str], None],
+    warn: Callable[[str], None],
 ) -> Any:
     """Fit a model and add to it until the recordings are quiet."""
     from faultbond.app.quiet_fit import fit_until_quiet  # noqa: PLC0415 - loads casadi and scipy
 
-    return fit_until_quiet(text, graph, read, wishes, tell)
+    return fit_until_quiet(text, graph, read, wishes, tell, warn)
 
 
 def _write(path: Path, text: str) -> None:

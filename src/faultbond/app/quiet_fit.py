@@ -30,7 +30,7 @@ from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
 from faultbond.model.validity import without_states
 from faultbond.report.doubts import earlier_doubt
-from faultbond.report.fit_result import Fitted, fitted_model
+from faultbond.report.fit_result import Fitted, fitted_model, not_shown
 from faultbond.report.quiet_result import (
     Quieted,
     Resized,
@@ -78,10 +78,14 @@ class Attempt:
         return self.health.has_room and not self.alarms
 
 
-def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Quieted:
+def fit_until_quiet(
+    text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell, warn: Tell
+) -> Quieted:
     """Fit a model and add what the recordings call for until they are quiet, or somebody stops the search.
 
     Who stops it gets what was found by then: no further step is begun. So does who meets an error on the way.
+
+    tell, warn : are told what is being done, and what may be a reason to stop
 
     Raises
     ------
@@ -90,7 +94,7 @@ def fit_until_quiet(text: str, graph: BondGraph, read: Recordings, wishes: FitWi
     Stopped
         Where somebody stops it before the first climb has ended.
     """
-    steps = _steps(text, graph, read, wishes, tell)
+    steps = _steps(text, graph, read, wishes, tell, warn)
     found = next(steps)
     try:
         for further in steps:
@@ -115,7 +119,9 @@ def _by_then(now: Quieted, stated: BondGraph) -> Quieted:
     return now if now.health is not None else replace(now, text=with_stated_accuracies(now.text, stated))
 
 
-def _steps(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell) -> Iterator[ByThen]:
+def _steps(
+    text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell, warn: Tell
+) -> Iterator[ByThen]:
     """Give what is found by and by, each time what works out all that there is to tell by then."""
     stated = graph.time_between_false_alarms is not None
     text, graph = promising(text, graph)
@@ -150,6 +156,8 @@ def _steps(text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tel
         raise
     now = first(found)
     yield _known(now)
+    for told in not_shown(now.fitted):
+        warn(f"{told}. If you know one, stop here (Ctrl-C) and begin again: the search leaves that as it is")
     tell("putting the first model on trial")
     now = replace(now, before=on_trial(core, (*records, *records_held), promise, factors=()))
     search = Search(

@@ -431,12 +431,7 @@ def remarks(fitted: Fitted) -> list[tuple[str, str]]:
             ("short", f"{samples} samples for {unknown} values: what is found is little more than what was declared")
         )
     told += under("looks alike", [_silence_text(item) for item in fitted.silences])
-    faint = [
-        f"{join(list(names))}: moved together they show to {100 * sd:.2g} % only, less well than declared; what is "
-        "declared decides. Name with --fixed what is known"
-        for names, sd in faint_of(fitted.found)
-    ]
-    told += under("hardly shows", faint)
+    told += under("hardly shows", _faint_texts(fitted))
     found = {
         item.parameter.name: replace(item.parameter, nominal=item.value, accuracy=item.to_declare)
         for item in fitted.estimates
@@ -464,6 +459,20 @@ def remarks(fitted: Fitted) -> list[tuple[str, str]]:
         wider = f"up to {most:.1f} times that of a right model: the data ask for other values at other times"
         told.append(("± sd", wider))
     return told
+
+
+def _faint_texts(fitted: Fitted) -> list[str]:
+    return [
+        f"{join(list(names))}: moved together they show to {100 * sd:.2g} % only, less well than declared; what is "
+        "declared decides. Name with --fixed what is known"
+        for names, sd in faint_of(fitted.found)
+    ]
+
+
+def not_shown(fitted: Fitted) -> list[str]:
+    """Say what the data do not show of parameters together, which whoever knows one of them may fix before all else."""
+    told = [_silence_text(item) for item in fitted.silences if len(item.changes) > 1]
+    return [*told, *_faint_texts(fitted)]
 
 
 def _wander_text(item: Wander, lags: Collection[str]) -> str:
