@@ -47,8 +47,8 @@ typedef struct {
     Forecast forecasts[FB_ROOM(MOST_LIMITS)];
 } Suspect;
 
-/* A hypothesis with the estimates of its best lane. kinds: the likeliest first, to which the estimates belong;
-   shares: the probability of each, given that this is the hypothesis. */
+/* A hypothesis with the estimates of its best lane, as uncertain as its kinds leave them. kinds: the likeliest first, to which the
+   estimates belong; shares: the probability of each, given that this is the hypothesis. */
 typedef struct {
     int64_t hypothesis;
     int64_t lane;    /* that tells of it: of steps, then of those with a slot */

@@ -17,6 +17,7 @@
 #define SELDOM 1e-6          /* least probability that counts */
 #define UNSAID 1e-12         /* probability that changes no sum */
 #define TIES 1048576.0       /* steps of a nat in which two of them are told apart */
+#define LIKELY_KIND 0.05     /* probability of a kind from which its value counts beside that which is told */
 
 /* Lanes that are left out of a ranking; they count as those whose likelihood is no number. */
 enum { OUT_NONE = 0, OUT_REJECTED = 1 };
@@ -29,6 +30,7 @@ typedef struct {
     double score[FB_ROOM(N_HYPOTHESES)];            /* of each hypothesis, with its cost */
     int64_t leading[FB_ROOM(N_HYPOTHESES)];         /* its likeliest kind, */
     int64_t best[FB_ROOM(N_HYPOTHESES)];            /* and its likeliest lane among those of this kind; -1: none */
+    int64_t lanes[FB_ROOM(N_HYPOTHESES)][N_KINDS];  /* the likeliest of each kind */
     double within;                                  /* score of no fault but what lies within the accuracy, see within.h, */
     double shared[FB_ROOM(N_HYPOTHESES)];           /* and its memory: what each hypothesis is worth, */
     Given given;                                    /* and how suspects depend on other parameters */
@@ -151,9 +153,11 @@ static void score_all(const State *state, int out, Ranking *ranking)
     ranking->share = share_of_evidence(state);
     weigh_lanes(bank, out, ranking);
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
-        for (int kind = 0; kind < N_KINDS; kind++) ranking->kinds[k][kind] = -INFINITY;
+        for (int kind = 0; kind < N_KINDS; kind++) {
+            ranking->kinds[k][kind] = -INFINITY;
+            ranking->lanes[k][kind] = -1;
+        }
         ranking->leading[k] = 0;
-        ranking->best[k] = -1;
     }
     for (int64_t lane = 0; lane < N_LANES; lane++) {
         if (ranking->weighted[lane] > -INFINITY) ranking->weighted[lane] += log_in_range(bank, lane, ranking->share);
@@ -171,10 +175,10 @@ static void score_all(const State *state, int out, Ranking *ranking)
         ranking->score[k] = total - COST[k] + log_of_records(state, k);
     }
     for (int64_t lane = 0; lane < N_LANES; lane++) {
-        const int64_t k = hypothesis_of(bank, lane);
-        const double before = ranking->best[k] < 0 ? -INFINITY : ranking->weighted[ranking->best[k]];
-        if (kind_of(bank, lane) == ranking->leading[k] && ranking->weighted[lane] > before) ranking->best[k] = lane;
+        int64_t *best = &ranking->lanes[hypothesis_of(bank, lane)][kind_of(bank, lane)];
+        if (ranking->weighted[lane] > (*best < 0 ? -INFINITY : ranking->weighted[*best])) *best = lane;
     }
+    for (int64_t k = 0; k < N_HYPOTHESES; k++) ranking->best[k] = ranking->lanes[k][ranking->leading[k]];
 }
 
 /* Whether a hypothesis is likelier than another one. What sums of logarithms round counts as equal, so that those that look
@@ -231,16 +235,49 @@ static void rank_kinds(const double *kinds, int64_t leading, Candidate *candidat
     for (int64_t k = 0; k < candidate->n_kinds; k++) candidate->shares[k] /= total;
 }
 
-/* The suspects of a candidate, as its best lane has them. */
-static void find_suspects(const State *state, int64_t lane, Candidate *candidate)
+/* The suspects of a lane, each as far as likelihoods count, and how many. */
+static int64_t judged_suspects(const State *state, int64_t lane, Suspect *suspects)
 {
+    const int64_t n = suspects_of(state, lane, suspects);
+    for (int64_t k = 0; k < n; k++) judge_value(state, lane, k, &suspects[k]);
+    return n;
+}
+
+/* Add to the mean square of what a value may be off by what other suspects say of it, with a probability, if they do. */
+static void mix_value(const Suspect *told, const Suspect *others, int64_t n, double share, double *square, double *total)
+{
+    for (int64_t k = 0; k < n; k++) {
+        const Suspect *other = &others[k];
+        const double off = other->estimate - told->estimate;
+        if (other->parameter != told->parameter || other->input != told->input || other->output != told->output) continue;
+        if (other->word != told->word || !isfinite(off)) continue;
+        *square += share * (off * off + other->sd * other->sd);
+        *total += share;
+    }
+}
+
+/* The suspects of a candidate, as its best lane has them. A value is as uncertain as the kinds of fault together leave it: what
+   rises for as long as a valve is shut, and what has come to stay meanwhile, are far apart, and nobody knows which it is. */
+static void find_suspects(const State *state, const int64_t *lanes, Candidate *candidate)
+{
+    const int64_t lane = candidate->lane;
+    double square[LARGEST_SET], total[LARGEST_SET];
+    Suspect others[LARGEST_SET];
     candidate->present = lane < N_STEPS || SLOT_ACTS[plan_of(&state->bank, lane - N_STEPS)];
-    candidate->n_suspects = suspects_of(state, lane, candidate->suspects);
+    candidate->n_suspects = judged_suspects(state, lane, candidate->suspects);
     for (int64_t k = 0; k < candidate->n_suspects; k++) {
         Suspect *suspect = &candidate->suspects[k];
-        judge_value(state, lane, k, suspect);
         if (suspect->input >= 0) suspect->stopped = stopped_at(state, suspect->input);
+        square[k] = candidate->shares[0] * (suspect->sd * suspect->sd);
+        total[k] = candidate->shares[0];
     }
+    for (int64_t row = 1; row < candidate->n_kinds && candidate->shares[row] >= LIKELY_KIND; row++) {
+        const int64_t n = judged_suspects(state, lanes[candidate->kinds[row]], others);
+        for (int64_t k = 0; k < candidate->n_suspects; k++)
+            mix_value(&candidate->suspects[k], others, n, candidate->shares[row], &square[k], &total[k]);
+    }
+    for (int64_t k = 0; k < candidate->n_suspects; k++)
+        if (total[k] > candidate->shares[0]) candidate->suspects[k].sd = sqrt(square[k] / total[k]);
 }
 
 /* Whether a hypothesis was not ruled out, and has a lane. */
@@ -270,7 +307,7 @@ static void rank(const State *state, const Ranking *ranking, Diagnosis *found)
         candidate->group = ranking->score[k] >= ranking->score[order[0]] - GROUP_NATS;
         candidate->probability = exp(ranking->score[k] - ranking->score[order[0]]) / total + (is_tested(ranking, k) ? even : 0.0);
         rank_kinds(ranking->kinds[k], ranking->leading[k], candidate);
-        find_suspects(state, ranking->best[k], candidate);
+        find_suspects(state, ranking->lanes[k], candidate);
     }
 }
 

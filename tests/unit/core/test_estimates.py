@@ -250,3 +250,25 @@ def test_a_value_stays_in_its_range(size: float) -> None:
     suspect, _ = found(lane)
     slot[SIZE] = float(SLOTS[SIZE, lane])
     assert suspect.estimate == pytest.approx(item.scale * (item.lower if size < 0.0 else item.upper))
+
+
+@pytest.mark.parametrize("behind", [0.5, 2.0, 4.5])
+def test_a_value_is_as_uncertain_as_its_kinds_leave_it(behind: float) -> None:
+    """The mean square about what is told, over the kinds that give it a value with 5 % and more; stuck is no bias."""
+    lanes = [
+        next(k for k in lanes_with(kind) if PLAN.lanes[k].output >= 0 and PLAN.lanes[k].hypothesis == N_SETS)
+        for kind in (FaultKind.BIAS, FaultKind.DRIFT, FaultKind.STUCK)
+    ]
+    alone = [found(lane)[0] for lane in lanes]
+    values = np.full(state().n_steps + state().n_slots, -1000.0)
+    for lane, below in zip(lanes, (0.0, behind, 1.0), strict=True):
+        values[state().n_steps + lane] = 50.0 - below - PLAN.lanes[lane].weight
+    state().likelihoods(values)
+    candidate = best()
+    shares, (told,) = dict(candidate.kinds), candidate.suspects
+    assert (candidate.kind, told.estimate) == (FaultKind.BIAS, alone[0].estimate)
+    both = [(shares[kind], item) for kind, item in zip((FaultKind.BIAS, FaultKind.DRIFT), alone, strict=False)]
+    both = [(share, item) for share, item in both if share >= 0.05]
+    assert len(both) == (1 if behind > 4.0 else 2)
+    square = sum(share * (item.sd**2 + (item.estimate - told.estimate) ** 2) for share, item in both)
+    assert told.sd == pytest.approx(np.sqrt(square / sum(share for share, _ in both)), rel=1e-9)
