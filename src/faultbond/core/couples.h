@@ -170,6 +170,14 @@ static void match_steps(Bank *bank, Match *match)
     match->value[0] = match->value[1] = *number_of_step(bank, lane, AT_PARAMETERS + COUPLE_PARAMETER[match->couple]);
 }
 
+/* The set of a parameter alone; -1: it is not tested. */
+static int64_t single_of(int index)
+{
+    for (int64_t set = 0; set < N_SETS; set++)
+        if (SET_ROW[set + 1] - SET_ROW[set] == 1 && SET_MEMBER[SET_ROW[set]] == index) return set;
+    return -1;
+}
+
 /* The likeliest lane of an instrument which does not move: a bias, or (`other`) another kind; -1: none. */
 static int64_t still_slot(Bank *bank, int64_t instrument, int other)
 {
@@ -182,16 +190,36 @@ static int64_t still_slot(Bank *bank, int64_t instrument, int other)
     return best;
 }
 
-/* What the sums of a lane with a slot leave to explain at a sensor, nats: s over n samples is worth n (k + s / n)^2 / 2. */
+/* What the sums of a lane, steps first, leave to explain at a sensor, nats: s over n samples is worth n (k + s / n)^2 / 2. */
 static double left_at(const Bank *bank, int64_t lane, int output, int64_t index)
 {
     double most = 0.0;
     for (int side = 0; side < 2 && output >= 0; side++) {
-        const double sum = bank->sums[side][output][N_STEPS + lane];
-        const double n = (double)index - bank->since[side][output][N_STEPS + lane];
+        const double sum = bank->sums[side][output][lane];
+        const double n = (double)index - bank->since[side][output][lane];
         if (sum > 0.0 && n > 0.0) most = fmax(most, 0.5 * n * (CUSUM_DRIFT + sum / n) * (CUSUM_DRIFT + sum / n));
     }
     return most;
+}
+
+/* Let a couple of a sensor count by what the best step of the parameter alone says, and what that leaves to explain at the sensor,
+   if that is more; then the sensor is off beside the parameter where that step has it. A sensor that is off by itself, beside a load that
+   is heavier, has made of it what the closed form does not undo. */
+static void match_single(Bank *bank, int64_t index, Match *match)
+{
+    const int64_t set = single_of(COUPLE_PARAMETER[match->couple]), instrument = COUPLE_SLOT[match->couple];
+    const int64_t lane = set < 0 ? -1 : likeliest_lane(bank, set), slot = still_slot(bank, instrument, 0);
+    if (lane < 0 || slot < 0 || SLOT_OUTPUT[slot] < 0 || match->base[0] < 0) return;
+    const double said = likelihood_or_none(bank, lane) + SLOT_WEIGHT[slot] + left_at(bank, lane, SLOT_OUTPUT[slot], index);
+    if (!(said > match->said[0])) return;
+    if (SLOT_KIND[match->base[0]] != SLOT_KIND[slot]) {
+        match->base[1] = match->base[0];
+        match->said[1] = match->said[0];
+        match->value[1] = match->value[0];
+    }
+    match->base[0] = slot;
+    match->said[0] = said;
+    match->value[0] = *number_of_step(bank, lane, AT_PARAMETERS + COUPLE_PARAMETER[match->couple]);
 }
 
 /* What two instruments would say: the likeliest of either, and what that leaves to explain at the other. */
@@ -206,7 +234,7 @@ static void match_instruments(Bank *bank, int64_t index, Match *match)
             const int64_t lane = still_slot(bank, both[one], kind);
             if (lane < 0 || other < 0) continue;
             const double said = likelihood_of_slot(bank, lane) + SLOT_WEIGHT[lane] + SLOT_WEIGHT[other] +
-                                left_at(bank, lane, SLOT_OUTPUT[other], index);
+                                left_at(bank, N_STEPS + lane, SLOT_OUTPUT[other], index);
             if (said > match->said[0]) match->said[0] = said;
         }
     }
@@ -222,6 +250,7 @@ static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t mos
         if (COUPLE_BESIDE[couple] >= 0) match_instruments(bank, index, &match);
         else find_bases_of(bank, old, &match);
         include_gain(bank, old, &match);
+        if (couple < N_MIXED) match_single(bank, index, &match);
         match_steps(bank, &match);
         match.row = row_of_couple(bank, couple);
         const double said = match.row < 0 ? match.said[0] : said_by_couple(bank, likeliest_of_couple(bank, match.row));
@@ -351,9 +380,8 @@ static int64_t list_couples(int64_t first, Job *job)
 /* The onset at which the best step of a single parameter began; where that is not tested, another one. */
 static int64_t onset_of_single(Bank *bank, int index, int64_t other)
 {
-    for (int64_t set = 0; set < N_SETS; set++)
-        if (SET_ROW[set + 1] - SET_ROW[set] == 1 && SET_MEMBER[SET_ROW[set]] == index) return bank->onset[likeliest_lane(bank, set)];
-    return other;
+    const int64_t set = single_of(index);
+    return set < 0 ? other : bank->onset[likeliest_lane(bank, set)];
 }
 
 /* Note from which onsets the lanes of a group begin, near those of the slot or of the parameter by itself, and what the slots

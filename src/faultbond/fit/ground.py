@@ -140,7 +140,11 @@ class Ground:
         return begin
 
     def best_late(self, stand: Footing, item: Imperfection) -> tuple[Imperfection, float]:
-        """Give a lag, a rate limit or a form with what explains most with all else as it stands, and the gain, nats."""
+        """Give a lag, a rate limit or a form with what explains most with all else as it stands, and the gain, nats.
+
+        Of a lag that is what it would gain once all else follows, if that is more: where others have made room for it,
+        as a hose that is too soft for a drive that is slow, even the shortest loses at first.
+        """
         tried = [item]
         if item.kind is Kind.LAG:
             times = [count * self.search.step for count in LAGS if count * self.search.step <= self.search.longest]
@@ -151,7 +155,10 @@ class Ground:
             tried = [replace(item, size=part * item.size, memory=time) for part in RATES for time in times]
         gains = self.gains_of(stand, tried)
         best = int(np.argmax(gains))
-        return tried[best], float(gains[best])
+        if item.kind is not Kind.LAG:
+            return tried[best], float(gains[best])
+        follows = float(gains[0]) + self.gains_once_all_follows(stand, tried[:1])[0]
+        return tried[best if gains[best] > 0.0 else 0], max(follows, float(gains[best]))
 
     def gains_of(self, stand: Footing, tried: Sequence[Imperfection]) -> FloatArray:
         """Give what each of some imperfections would gain, nats, with all else as it stands, (n,)."""
@@ -159,12 +166,12 @@ class Ground:
         declared = np.array([self.with_one(q, item) for item in tried])
         return likelihoods(self.plant(q), self.search.few, starts, declared) - stand.few
 
-    def curve_gains(self, stand: Footing, new: Sequence[Imperfection]) -> list[float]:
-        """Give what each of some curves would gain, nats, once all else that is fitted has followed it.
+    def gains_once_all_follows(self, stand: Footing, new: Sequence[Imperfection]) -> list[float]:
+        """Give what each of some curves, or lags, would gain, nats, once all else that is fitted has followed it.
 
         A bow has the power of the same beside it. What stands at an end of where it may be stays there.
         """
-        q, records = self.q_of(stand), self.search.few
+        q, records = self._with_more(stand, new), self.search.few
         plant = self.plant(q, [*(item.what for item in stand.added), *new])
         unknowns, point = plant.unknowns, self.point_of(plant, q, stand, records)
         values, found = point.values, evaluate_likelihood(plant, records, point)

@@ -235,7 +235,7 @@ class Search:
         own = {item.name for item in self.graph.parameters}
         new = [item for item in possible if item.place in own and parameter_name(item) not in stand.values]
         with suppress(StructureError):  # the equations may be left without an order in which to solve them
-            gains = self.ground_with(stand, new).curve_gains(stand, new) if new else []
+            gains = self.ground_with(stand, new).gains_once_all_follows(stand, new) if new else []
             return likeliest_curves(zip(new, gains, strict=True))
         return []
 

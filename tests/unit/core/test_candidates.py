@@ -151,13 +151,16 @@ def test_of_what_is_equally_likely_the_first_comes_first(state: Diagnosed) -> No
 
 
 def test_estimates_are_those_of_the_best_lane_of_the_best_kind(state: Diagnosed) -> None:
-    """A lane that is likelier, but of a kind that is less likely in all, says nothing; sizes are in SI."""
+    """A lane that is likelier, but of a kind that is less likely in all, says how uncertain they are; all in SI."""
     own = np.flatnonzero(STEPS.hypothesis == 1)
     values = np.full(state.n_steps + state.n_slots, -1000.0)
     values[own], values[own[2]] = 49.9, 50.0
-    values[state.n_steps + slot_of(hypothesis=1, kind=FaultKind.DRIFT)] = 50.3
-    state.likelihoods(values)
+    drifting = state.n_steps + slot_of(hypothesis=1, kind=FaultKind.DRIFT)
+    values[drifting] = 50.3
     place = FIRST + 1
+    state.only(drifting)
+    other = state.diagnose()["candidates"][0]["suspects"][0].copy()
+    state.likelihoods(values)
     state.lane("step", int(own[2]))[place] = 1.7
     state.lane("step", int(own[2]))[covariance_place(SPEC, place, place)] = 0.04
     best = state.diagnose()["candidates"][0]
@@ -166,7 +169,13 @@ def test_estimates_are_those_of_the_best_lane_of_the_best_kind(state: Diagnosed)
     assert (suspect["parameter"], suspect["input"], suspect["output"], suspect["word"]) == (1, -1, -1, 0)
     scale = SPEC.parameters[1].scale
     assert best["lane"] == own[2]
-    assert (suspect["estimate"], suspect["sd"]) == pytest.approx((1.7 * scale, WIDER * 0.2 * scale))
+    assert suspect["estimate"] == pytest.approx(1.7 * scale)
+    step, drift = best["shares"][:2]
+    off = np.hypot(other["sd"], other["estimate"] - suspect["estimate"])
+    assert 0.05 < drift < step
+    assert suspect["sd"] == pytest.approx(
+        np.sqrt((step * (WIDER * 0.2 * scale) ** 2 + drift * off**2) / (step + drift))
+    )
     assert suspect["nominal"] == SPEC.parameters[1].nominal
     assert np.isnan([suspect["rate"], suspect["rate_sd"]]).all()
 

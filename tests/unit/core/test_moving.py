@@ -37,11 +37,10 @@ int64_t t_bias(State *state)
 void t_note(State *state) { note_values(state); }
 void t_found(State *state, const double *lane, double *found)
 {
-    Candidate candidate;
+    Suspect suspects[LARGEST_SET];
     const int64_t l = (int64_t)*lane;
-    candidate.hypothesis = hypothesis_of(&state->bank, l);
-    find_suspects(state, l, &candidate);
-    const Suspect *suspect = &candidate.suspects[0];
+    judged_suspects(state, l, suspects);
+    const Suspect *suspect = &suspects[0];
     const double unit = l < N_STEPS ? SCALE[suspect->parameter] : OUTPUT_NOISE[0];
     found[0] = suspect->estimate / unit;
     found[1] = suspect->sd / fabs(unit);

@@ -718,5 +718,5 @@ def test_what_is_kept_at_an_end_follows_nothing(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(ground_module, "evaluate_likelihood", evaluated)
     monkeypatch.setattr(ground_module, "score_gains", gains)
-    assert ground.curve_gains(Footing(graph=graph, values=values, starts={}), new) == [1.0, 2.0]
+    assert ground.gains_once_all_follows(Footing(graph=graph, values=values, starts={}), new) == [1.0, 2.0]
     assert {name for name, moves in seen.items() if not moves} == {"h", "h_by_flow", "h_bow_by_flow"}

@@ -16,6 +16,7 @@ from faultbond.fit import delays, further, quiet_search
 from faultbond.fit.delays import late_ones
 from faultbond.fit.foothold import Added, Footing, with_orders
 from faultbond.fit.further import plainest
+from faultbond.fit.ground import LAGS, Ground
 from faultbond.fit.imperfections import Imperfection, Kind, found_in, lag_of, with_imperfections, without_lag
 from faultbond.fit.likelihood import layout_of, nominal_q
 from faultbond.fit.quiet_search import NO_LAG, Search
@@ -175,6 +176,37 @@ def test_of_ways_to_come_behind_the_plainest_is_kept_that_explains_as_much(monke
     assert chosen([(LAG, 900.0), (staged, 1000.0)], monkeypatch)[1].added[0].what == staged
     given = [(LAG, 20.0), (staged, 24.0), (LIMIT, 24.0), (replace(other, order=4), 24.0), (other, 15.0)]
     assert plainest(given) == [(LAG, 20.0), (replace(other, order=4), 24.0), (other, 15.0)]
+
+
+@pytest.mark.parametrize(
+    ("peak", "follows", "size", "gain"),
+    [(-30.0, 700.0, LAGS[0], 640.0), (50.0, 60.0, LAGS[2], 50.0), (50.0, 400.0, LAGS[2], 340.0)],
+)
+def test_a_lag_counts_by_what_it_gains_once_all_else_follows(
+    peak: float, follows: float, size: float, gain: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where others have made room for it even the shortest loses at first; it begins as the best, or as that."""
+    asked: list[float] = []
+
+    def gains_of(_: Ground, __: Footing, tried: Sequence[Imperfection]) -> list[float]:
+        return [peak if item.size == 0.1 * LAGS[2] else -60.0 - k for k, item in enumerate(tried)]
+
+    def gains_once_all_follows(_: Ground, __: Footing, new: Sequence[Imperfection]) -> list[float]:
+        asked.extend(item.size for item in new)
+        return [follows]
+
+    monkeypatch.setattr(Ground, "gains_of", gains_of)
+    monkeypatch.setattr(Ground, "gains_once_all_follows", gains_once_all_follows)
+    ground = Ground.__new__(Ground)
+    ground.search = cast("Any", SimpleNamespace(step=0.1, longest=10.0))
+    stand = Footing(graph=parse_model(MODEL), values={}, starts={})
+    found, promised = ground.best_late(stand, LAG)
+    assert asked == [pytest.approx(0.1 * LAGS[0])]
+    assert found.size == pytest.approx(0.1 * size)
+    assert promised == gain
+    form = replace(LAG, kind=Kind.HOLD, size=7.0)
+    assert ground.best_late(stand, form) == (form, -60.0)
+    assert len(asked) == 1
 
 
 def fitted_of(
