@@ -250,7 +250,7 @@ function besideText(diagnosis) {
   if (diagnosis.within_accuracy >= NEGLIGIBLE && !diagnosis.unexplained)
     told.push(`With ${probabilityText(diagnosis.within_accuracy)}${NO_BREAK}% nothing that is tested changed by more than it may while healthy: ${EVENLY}`);
   if (left && left.sets)
-    told.push(`Another ${left.sets} sets were too many to be tested; ` + (left.probability >= 1
+    told.push(`Another ${left.sets} sets were not tested; ` + (left.probability >= 1
       ? "how likely it is that the truth is among them cannot be told."
       : `the truth is among them with at most ${(Math.ceil(1000 * left.probability - 1e-9) / 10).toFixed(1)}${NO_BREAK}%.`));
   return told.join(" ");

@@ -144,7 +144,7 @@ class Advice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Untested:
-    """Sets too many to be tested: how many, and at most how likely it is that one is the true one; 1: no bound."""
+    """Sets that were not tested: how many, and at most how likely it is that one is the true one; 1: no bound."""
 
     sets: int
     probability: float

@@ -19,12 +19,14 @@
 #include "growing.h"
 #include "slots.h"
 
+#define BY_SINGLES (MOST_MIXED / 4) /* couples that are chosen by what a parameter alone leaves to explain at a sensor */
+
 enum { LIKELIEST, SECOND, THIRD };
 
 /* A couple that may be tested: its likelihood by the closed form, by steps, or by its lanes, its cost taken off; the likeliest
-   base and another one (-1: none), what these say, and where the parameter begins. */
+   base and another one (-1: none), what these say, and where the parameter begins. is_single: the other one is that of `match_single`. */
 typedef struct {
-    int64_t couple, row, base[2];
+    int64_t couple, row, base[2], is_single;
     double score, said[2], value[2];
 } Match;
 
@@ -203,23 +205,20 @@ static double left_at(const Bank *bank, int64_t lane, int output, int64_t index)
 }
 
 /* Let a couple of a sensor count by what the best step of the parameter alone says, and what that leaves to explain at the sensor,
-   if that is more; then the sensor is off beside the parameter where that step has it. A sensor that is off by itself, beside a load that
-   is heavier, has made of it what the closed form does not undo. */
-static void match_single(Bank *bank, int64_t index, Match *match)
+   if that is more, or `always`; then the sensor is off beside the parameter where that step has it. A sensor that is off by itself,
+   beside a load that is heavier, has made of it what the closed form does not undo. Gives whether it counts by that. */
+static int match_single(Bank *bank, int64_t index, int always, Match *match)
 {
     const int64_t set = single_of(COUPLE_PARAMETER[match->couple]), instrument = COUPLE_SLOT[match->couple];
     const int64_t lane = set < 0 ? -1 : likeliest_lane(bank, set), slot = still_slot(bank, instrument, 0);
-    if (lane < 0 || slot < 0 || SLOT_OUTPUT[slot] < 0 || match->base[0] < 0) return;
+    if (lane < 0 || slot < 0 || SLOT_OUTPUT[slot] < 0 || match->base[0] < 0) return 0;
     const double said = likelihood_or_none(bank, lane) + SLOT_WEIGHT[slot] + left_at(bank, lane, SLOT_OUTPUT[slot], index);
-    if (!(said > match->said[0])) return;
-    if (SLOT_KIND[match->base[0]] != SLOT_KIND[slot]) {
-        match->base[1] = match->base[0];
-        match->said[1] = match->said[0];
-        match->value[1] = match->value[0];
-    }
-    match->base[0] = slot;
+    if (!always && !(said > match->said[0])) return 0;
     match->said[0] = said;
-    match->value[0] = *number_of_step(bank, lane, AT_PARAMETERS + COUPLE_PARAMETER[match->couple]);
+    match->base[1] = slot; /* the second lane begins where the step does */
+    match->value[1] = *number_of_step(bank, lane, AT_PARAMETERS + COUPLE_PARAMETER[match->couple]);
+    match->is_single = 1;
+    return 1;
 }
 
 /* What two instruments would say: the likeliest of either, and what that leaves to explain at the other. */
@@ -240,26 +239,39 @@ static void match_instruments(Bank *bank, int64_t index, Match *match)
     }
 }
 
-/* The likeliest of some couples that are not rejected, costs taken off, up to `most`; gives how many. */
-static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t most, const double *old, int64_t index, Match *chosen)
+/* How couples are chosen: by all that is known of them; or those that are not tested, by `match_single` alone. */
+enum { BY_ALL, BY_SINGLE };
+
+/* What is said of a couple, costs taken off; -inf: it is not chosen so. */
+static Match match_of(Bank *bank, int64_t couple, int how, const double *old, int64_t index)
 {
-    int64_t n = 0;
+    Match match = {couple, row_of_couple(bank, couple), {-1, -1}, 0, -INFINITY, {0.0, 0.0}, {0.0, 0.0}};
+    if (bank->rejected[COUPLE_HYPOTHESIS[couple]]) return match;
+    if (COUPLE_BESIDE[couple] >= 0) match_instruments(bank, index, &match);
+    else find_bases_of(bank, old, &match);
+    include_gain(bank, old, &match);
+    const int is_matched = couple < N_MIXED && match_single(bank, index, how == BY_SINGLE, &match);
+    match_steps(bank, &match);
+    if (how == BY_SINGLE && (!is_matched || match.row >= 0)) return match;
+    match.score = match.row < 0 ? match.said[0] : said_by_couple(bank, likeliest_of_couple(bank, match.row));
+    match.score -= COST[COUPLE_HYPOTHESIS[couple]];
+    return match;
+}
+
+/* Add the likeliest of some couples, up to `most`, to those that are chosen, `had`, but for these; gives how many are chosen then. */
+static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t most, int how, const double *old, int64_t index,
+                             int64_t had, Match *chosen)
+{
+    int64_t n = had;
     for (int64_t couple = first; couple < end; couple++) {
-        Match match = {couple, -1, {-1, -1}, 0.0, {0.0, 0.0}, {0.0, 0.0}};
-        if (bank->rejected[COUPLE_HYPOTHESIS[couple]]) continue;
-        if (COUPLE_BESIDE[couple] >= 0) match_instruments(bank, index, &match);
-        else find_bases_of(bank, old, &match);
-        include_gain(bank, old, &match);
-        if (couple < N_MIXED) match_single(bank, index, &match);
-        match_steps(bank, &match);
-        match.row = row_of_couple(bank, couple);
-        const double said = match.row < 0 ? match.said[0] : said_by_couple(bank, likeliest_of_couple(bank, match.row));
-        match.score = said - COST[COUPLE_HYPOTHESIS[couple]];
-        if (!(match.score > -INFINITY)) continue;
+        const Match match = match_of(bank, couple, how, old, index);
+        int is_chosen = 0;
+        for (int64_t k = 0; k < had; k++) is_chosen |= chosen[k].couple == couple;
+        if (is_chosen || !(match.score > -INFINITY)) continue;
         int64_t at = n;
-        while (at > 0 && match.score > chosen[at - 1].score) at--;
-        if (at == most) continue;
-        if (n < most) n++;
+        while (at > had && match.score > chosen[at - 1].score) at--;
+        if (at == had + most) continue;
+        if (n < had + most) n++;
         for (int64_t k = n - 1; k > at; k--) chosen[k] = chosen[k - 1];
         chosen[at] = match;
     }
@@ -298,7 +310,7 @@ static void plan_match(Bank *bank, const Match *match, const double *old, Job *j
     const int64_t base = own < 0 ? match->base[0] : own;
     const double value = own < 0 ? match->value[0] : of_slot(bank, N_SLOT_LANES + best, place);
     const int other = match->base[0] >= 0 && match->base[0] != base && SLOT_KIND[match->base[0]] != SLOT_KIND[base] ? 0 : 1;
-    const int is_alone = match->base[other] < 0 || match->base[other] == base;
+    const int is_alone = match->base[other] < 0 || (match->base[other] == base && !(match->is_single && own < 0));
     for (int64_t k = LIKELIEST; k <= SECOND; k++) {
         const int64_t lane = lane_of_couple(match->row, k);
         const int is_first = own < 0 || part == THIRD ? k == LIKELIEST : k == part;
@@ -342,9 +354,11 @@ static void choose_couples(Bank *bank, const double *old, int64_t index, Job *jo
 {
     Match chosen[FB_ROOM(N_COUPLED)];
     const int64_t drifting = N_MIXED + N_BOTH, most = N_COUPLED - MOST_MIXED - MOST_BOTH;
-    int64_t n = match_couples(bank, 0, N_MIXED, MOST_MIXED, old, index, chosen);
-    n += match_couples(bank, N_MIXED, drifting, MOST_BOTH, old, index, chosen + n);
-    n += match_couples(bank, drifting, N_COUPLES, most, old, index, chosen + n);
+    /* What is tested is told by how it explains the data; of what is not, two ways to guess that may be wrong each. */
+    int64_t n = N_MIXED > MOST_MIXED ? match_couples(bank, 0, N_MIXED, BY_SINGLES, BY_SINGLE, old, index, 0, chosen) : 0;
+    n = match_couples(bank, 0, N_MIXED, MOST_MIXED - n, BY_ALL, old, index, n, chosen);
+    n = match_couples(bank, N_MIXED, drifting, MOST_BOTH, BY_ALL, old, index, n, chosen);
+    n = match_couples(bank, drifting, N_COUPLES, most, BY_ALL, old, index, n, chosen);
     for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) job->bases[lane] = -1;
     for (int64_t row = 0; row < N_COUPLED; row++) {
         int is_kept = 0;

@@ -16,7 +16,10 @@
    The bound holds if a tested set is near enough to the truth to tell what the others would add. So there is none
    soon after the bank was begun or renewed, where nothing explains the data, and where no step of a tested set is in
    the group: a drift, or a fault of an instrument, that imitates a large set says nothing about it. A bound of a
-   half and more is none either. How often it is wrong is measured in docs/method.md. */
+   half and more is none either. How often it is wrong is measured in docs/method.md.
+
+   Couples of different kinds wait for the first renewals. A pair of parameters costs as much, so before that nobody knows of one that
+   leads whether a couple is not likelier: they count among the untested sets, without a bound. */
 #ifndef FB_UNTESTED_H
 #define FB_UNTESTED_H
 
@@ -206,6 +209,19 @@ static double untested_part(const Bank *bank, const Ranking *ranking, int64_t in
     return exp(rest - log_add(rest, tested));
 }
 
+/* Couples that wait until the bank is renewed, where what leads has as many suspects; of those that are tested by then 0. */
+static int64_t waiting_couples(const Bank *bank, const Ranking *ranking)
+{
+    const int64_t leading = leading_hypothesis(ranking);
+    const int *members;
+    int64_t n = 0;
+    if (N_HYPOTHESES == 0 || members_of(leading, &members) < 2) return 0;
+    for (int64_t row = 0; row < N_COUPLED; row++)
+        if (bank->coupled[row] >= 0) return 0;
+    for (int64_t couple = 0; couple < N_MIXED + N_BOTH; couple++) n += !bank->rejected[COUPLE_HYPOTHESIS[couple]];
+    return n;
+}
+
 /* Write how many sets of the reserve are neither tested nor rejected, and a bound on their probability; 1: none.
    ranking: scores of the hypotheses that are not rejected; bounded: whether there may be a bound at all. */
 static void find_untested(const Bank *bank, const Ranking *ranking, int64_t index, int bounded, Hidden *hidden,
@@ -218,9 +234,15 @@ static void find_untested(const Bank *bank, const Ranking *ranking, int64_t inde
     for (int64_t k = 0; k < N_GROWN; k++)
         if (bank->grown[k] >= 0) hidden->left[bank->grown[k]] = 0;
     for (int64_t row = 0; row < N_RESERVE; row++) found->untested_sets += hidden->left[row];
-    if (found->untested_sets == 0) return;
-    const double part = bounded ? untested_part(bank, ranking, index, hidden) : 1.0;
-    found->untested_probability = part < OPEN ? part : 1.0;
+    if (found->untested_sets > 0) {
+        const double part = bounded ? untested_part(bank, ranking, index, hidden) : 1.0;
+        found->untested_probability = part < OPEN ? part : 1.0;
+    }
+    const int64_t waiting = waiting_couples(bank, ranking);
+    if (waiting == 0) return;
+    found->has_untested = 1;
+    found->untested_sets += waiting;
+    found->untested_probability = 1.0;
 }
 
 FB_OFTEN

@@ -225,11 +225,11 @@ def within_sentence(diagnosis: Diagnosis) -> str:
 
 
 def untested_sentence(diagnosis: Diagnosis) -> str:
-    """Say how many sets were too many to be tested, and what that may hide; empty where all were tested."""
+    """Say how many sets were not tested, and what that may hide; empty where all were tested."""
     left = diagnosis.untested
     if left is None or not left.sets:
         return ""
-    many = f"Another {left.sets} sets were too many to be tested"
+    many = f"Another {left.sets} sets were not tested"
     if left.probability >= 1.0:
         return f"{many}; how likely it is that the truth is among them cannot be told."
     return f"{many}; the truth is among them with at most {math.ceil(1000.0 * left.probability - 1e-9) / 10.0:.1f} %."

@@ -42,39 +42,45 @@ void t_match(State *state, const double *given, double *found)
         *number_of_slot(bank, lane, place) = 1.0;
         *number_of_slot(bank, lane, WIDE_PLACE(place, place)) = 0.01;
     }
-    Match match = {couple_with((int)given[2], (int)given[3]), -1, {-1, -1}, 0.0, {0.0, 0.0}, {0.0, 0.0}};
+    Match match = {couple_with((int)given[2], (int)given[3]), -1, {-1, -1}, 0, 0.0, {0.0, 0.0}, {0.0, 0.0}};
     find_bases_of(bank, NULL, &match);
-    match_single(bank, state->clock.index, &match);
+    (void)match_single(bank, state->clock.index, given[4] != 0.0, &match);
     found[0] = (double)SLOT_KIND[match.base[0]];
     found[1] = match.base[1] < 0 ? -1.0 : (double)SLOT_KIND[match.base[1]];
     found[2] = match.said[0];
-    found[3] = match.value[0];
+    found[3] = match.value[1];
+    found[4] = (double)match.is_single;
 }
 """.replace("LEFT", str(LEFT)).replace("SAMPLES", str(float(SAMPLES)))
 
 
-def matched(core: Bare, step: float, slot: float, *, sensor: int = 1, uses: int = -1) -> list[float]:
-    """Give the kinds of the two bases, what the first says, and where the parameter begins."""
-    found = np.zeros(4)
-    core.call("t_match", np.array([step, slot, float(uses), float(sensor)]), found)
-    return [float(value) for value in found]
+def matched(
+    core: Bare, step: float, slot: float, *, sensor: int = 1, uses: int = -1, always: bool = False
+) -> tuple[int, int, float, float, bool]:
+    """Give the kinds of both bases, what is said, and where the parameter begins with the second one."""
+    found = np.zeros(5)
+    core.call("t_match", np.array([step, slot, float(uses), float(sensor), float(always)]), found)
+    return int(found[0]), int(found[1]), float(found[2]), float(found[3]), bool(found[4])
 
 
 def test_a_sensor_is_tried_beside_a_parameter_by_what_that_leaves_at_it() -> None:
-    """With a bias, where the step of the parameter has that; what the sensor alone says best is the second base."""
+    """With a bias, where the step of the parameter has that, beside what the sensor alone says best."""
     core = bare(CALLS, CELL.replace("max_faults: 1", "max_faults: 2"))
     kinds = list(FaultKind)
     bias, stuck = kinds.index(FaultKind.BIAS), kinds.index(FaultKind.STUCK)
     likeliest = max(x.weight for x in plan_slots(core.spec).lanes if x.output == 1 and x.kind is FaultKind.BIAS)
     left = 0.5 * SAMPLES * (core.spec.thresholds.cusum_drift + LEFT / SAMPLES) ** 2
-    first, second, said, value = matched(core, -100.0, -100.0)
-    assert (first, second, value) == (bias, stuck, 1.4)
+    first, second, said, value, is_single = matched(core, -100.0, -100.0)
+    assert (first, second, value, is_single) == (stuck, bias, 1.4, True)
     assert said == pytest.approx(-100.0 + likeliest + left)
-    first, second, said, value = matched(core, -100.0 - left - 20.0, -100.0)
-    assert first == stuck
-    assert value == pytest.approx(1.0)
-    assert second != stuck
-    assert said == pytest.approx(-99.0, abs=log(1e3))
+    worse = -100.0 - left - 20.0
+    alone = matched(core, worse, -100.0)
+    assert (alone[0], alone[4]) == (stuck, False)
+    assert alone[2] == pytest.approx(-99.0, abs=log(1e3))
+    assert alone[3] != 1.4
+    first, second, said, value, is_single = matched(core, worse, -100.0, always=True)
+    assert (first, second, value, is_single) == (stuck, bias, 1.4, True)
+    assert said == pytest.approx(worse + likeliest + left)
     # Not of a sensor at which nothing is left, nor of an input, whose fault shows at any sensor.
-    assert matched(core, -100.0, -90.0, sensor=0)[0] == stuck
-    assert matched(core, -100.0, -90.0, sensor=-1, uses=0)[3] == pytest.approx(1.0)
+    assert not matched(core, -100.0, -90.0, sensor=0)[4]
+    assert not matched(core, -100.0, -90.0, sensor=-1, uses=0, always=True)[4]

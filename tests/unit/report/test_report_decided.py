@@ -160,4 +160,4 @@ def test_what_is_left_may_explain_nothing() -> None:
         GRAPH, replace(tank_diagnosis(GRAPH, 60.0, 0.0), unexplained=wrong, untested=left)
     ).splitlines()
     assert first.startswith("None of the modelled faults explains this: the best fit is still 0.5 standard deviations")
-    assert second == "Another 7 sets were too many to be tested; the truth is among them with at most 2.0 %."
+    assert second == "Another 7 sets were not tested; the truth is among them with at most 2.0 %."

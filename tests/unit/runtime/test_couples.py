@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from faultbond.contract.couples import n_coupled, plan_couples
-from faultbond.contract.findings import Candidate
+from faultbond.contract.findings import Candidate, Untested
 from faultbond.contract.samples import Sample
 from faultbond.model.text import parse_model
 from faultbond.runtime.core import Core
@@ -241,6 +241,24 @@ def test_none_is_tested_before_the_bank_is_renewed() -> None:
     assert len({(item.slot, item.parameter, item.beside) for item in chosen}) == len(chosen)
     assert sum(item.parameter >= 0 and item.slot >= len(SPEC.hypotheses) for item in chosen) == n_coupled(SPEC)[0]
     assert sum(item.beside >= 0 for item in chosen) == n_coupled(SPEC)[1]
+
+
+def test_of_two_parameters_that_lead_nobody_is_sure_before_couples_are_tested() -> None:
+    """They count among the untested sets, without a bound; one parameter that leads is likelier than any of them."""
+    for faults, counts in (((COMPONENT, STORE), True), ((COMPONENT,), False)):
+        alarm = int(ended(faults).number("clock.alarm"))
+        early = run(core(), recording(faults)[: alarm + 25])[0]
+        assert np.all(early.numbers("bank.coupled") == -1.0)
+        best, *_ = early.conclude().candidates
+        assert (len(best.parameters) == 2) is counts
+        couples = [item for item in plan_couples(SPEC) if item.slot >= len(SPEC.hypotheses)]
+        told = early.conclude().untested
+        assert told == (Untested(sets=len(couples), probability=1.0) if counts else None)
+        sensor = find_hypothesis(SPEC, ["omega"])
+        early.reject(sensor)
+        left = [item for item in couples if sensor not in (item.slot, item.beside)]
+        assert early.conclude().untested == (Untested(sets=len(left), probability=1.0) if counts else None)
+        assert ended(faults).conclude().untested is None
 
 
 def test_an_accepted_couple_becomes_the_healthy_model() -> None:
