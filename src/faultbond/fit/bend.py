@@ -6,6 +6,7 @@ somewhere between, which no power is: its logarithm is a parabola of that of the
 """
 
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
@@ -16,11 +17,12 @@ LOW = 0.02  # part of the moments in which a signal is smaller than what counts 
 BELOW = 0.5  # times that, and
 LEAST = 0.05  # times its usual size: below, a power stays as it is, and is not 0 or infinite
 DIGITS = 2  # of the numbers that are written into a law
+NOTHING = 1e-9  # of its last digit, by which a number may be larger than what it is rounded to
 
 
 @dataclass(frozen=True, slots=True)
 class Bend:
-    """What a parameter goes with, its usual size, and the least size for which the power goes on, SI.
+    """What a parameter goes with, its usual size, and the least and largest size for which that goes on, SI.
 
     by: a signal, an input, or what a law raises to a power; name: the signals and inputs in it; signed: whether it
     changes its sign, and its size counts. Without a least size the factor is an exponential, of what goes through zero
@@ -31,6 +33,7 @@ class Bend:
     name: str
     usual: float
     least: float = 0.0
+    most: float = inf
     signed: bool = False
     bowed: bool = False
 
@@ -38,7 +41,7 @@ class Bend:
         """Give the logarithm of the factor for a power of 1, (n,), at values (n,)."""
         if not self.least:
             return values / self.usual
-        logarithm = np.log(np.maximum(np.abs(values), self.least) / self.usual)
+        logarithm = np.log(np.clip(np.abs(values), self.least, self.most) / self.usual)
         return np.square(logarithm) if self.bowed else logarithm
 
     def steepness(self, power: float) -> float:
@@ -51,7 +54,9 @@ class Bend:
         if not self.least:
             return Call("exp", (Binary("/", Binary("*", Name(power), self.by), Number(self.usual)),))
         size = Call("abs", (self.by,)) if self.signed else self.by
-        ratio = Binary("/", Call("max", (size, Number(self.least))), Number(self.usual))
+        kept: Expression = Call("max", (size, Number(self.least)))
+        kept = Call("min", (kept, Number(self.most))) if self.most < inf else kept
+        ratio = Binary("/", kept, Number(self.usual))
         if not self.bowed:
             return Binary("**", ratio, Name(power))
         return Call("exp", (Binary("*", Name(power), Binary("**", Call("log", (ratio,)), Number(2.0))),))
@@ -75,9 +80,16 @@ def bend_by(by: Expression, name: str, values: FloatArray, *, own: bool, bowed: 
     else:
         usual = float(np.exp(np.mean(np.log(np.maximum(sizes, LEAST * sizes.max())))))
         least = max(BELOW * float(np.quantile(sizes, LOW)), LEAST * usual)
-        found = Bend(by, name, _rounded(usual), _rounded(least), signed=bool(values.min() < 0.0), bowed=bowed)
+        most = _rounded_up(float(sizes.max())) if bowed else inf  # a parabola goes anywhere beyond where it was seen
+        signed = bool(values.min() < 0.0)
+        found = Bend(by, name, _rounded(usual), _rounded(least), most, signed=signed, bowed=bowed)
     return found if np.ptp(found.logarithm(values)) > 0.0 else None
 
 
 def _rounded(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
+
+
+def _rounded_up(value: float) -> float:
+    step = 10.0 ** (np.floor(np.log10(value)) + 1 - DIGITS)
+    return _rounded(float(np.ceil(value / step - NOTHING) * step))

@@ -124,8 +124,10 @@ def everything_of(model: StepModel) -> set[str]:
         Bend(X, "x", 4.0),
         Bend(X, "x", 2.0, 0.5, bowed=True),
         Bend(X, "x", 2.0, 0.5, signed=True, bowed=True),
+        Bend(X, "x", 2.0, 0.5, 4.0, bowed=True),
+        Bend(X, "x", 2.0, 0.5, 4.0, signed=True),
     ],
-    ids=["power", "size", "exponential", "bow", "bow of a size"],
+    ids=["power", "size", "exponential", "bow", "bow of a size", "bow with an end", "its power"],
 )
 def test_what_is_written_is_what_is_compared(bend: Bend) -> None:
     """The factor in the law has the logarithm that is told for a power of 1, times its power."""
@@ -151,6 +153,13 @@ def test_a_power_has_a_usual_size_and_an_end() -> None:
     shut = bend_by(X, "x", np.array([0.0, 0.0, 8.0]), own=True)
     assert shut is not None
     assert 0.0 < shut.least <= LEAST * shut.usual * 1.1
+    for largest, most in ((100.0, 100.0), (90.04, 91.0), (0.0331, 0.034), (99.6, 100.0), (1741.0, 1800.0)):
+        bow = bend_by(X, "x", np.array([0.01 * largest, largest]), own=True, bowed=True)
+        assert bow is not None
+        assert bow.most == most  # a parabola goes anywhere beyond where it was seen
+        assert power_of(replace(curve_over("x", foreign=False), kind=Kind.BOW, bend=bow)).bend == replace(
+            bow, bowed=False
+        )
     for nothing in (np.zeros(0), np.zeros(5), np.full(5, 3.0), np.array([1.0, np.nan])):
         assert bend_by(X, "x", nothing, own=True) is None
 
