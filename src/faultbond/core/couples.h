@@ -278,6 +278,22 @@ static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t mos
     return n;
 }
 
+/* Add to the couples of two instruments, n, those that are the same but for a parameter in the place of an input with which alone
+   it acts: what is tested of the one says as much of the other, see `share_products`. Gives how many are chosen then. */
+static int64_t match_alike(Bank *bank, const double *old, int64_t index, int64_t n, Match *chosen)
+{
+    const int64_t end = n;
+    for (int64_t k = 0; k < end; k++) {
+        const int64_t couple = COUPLE_ALIKE[chosen[k].couple] - FIRST_MIXED;
+        int is_none = couple < 0 || couple >= N_MIXED || n == end + MOST_MIXED;
+        for (int64_t other = end; other < n; other++) is_none |= chosen[other].couple == couple;
+        if (is_none) continue;
+        chosen[n] = match_of(bank, couple, BY_ALL, old, index);
+        if (chosen[n].score > -INFINITY) n++;
+    }
+    return n;
+}
+
 /* Let the third lane of a couple with an instrument begin with the likeliest base of a kind that neither of the first two is of;
    with the next such kind at each later renewal, and where there is none any more with the last one again. */
 static void plan_further(Bank *bank, const Match *match, const double *old, Job *job)
@@ -354,10 +370,13 @@ static void choose_couples(Bank *bank, const double *old, int64_t index, Job *jo
 {
     Match chosen[FB_ROOM(N_COUPLED)];
     const int64_t drifting = N_MIXED + N_BOTH, most = N_COUPLED - MOST_MIXED - MOST_BOTH;
+    int64_t n = match_couples(bank, N_MIXED, drifting, MOST_BOTH, BY_ALL, old, index, 0, chosen);
+    const int64_t room = n + MOST_MIXED;
+    n = match_alike(bank, old, index, n, chosen);
     /* What is tested is told by how it explains the data; of what is not, two ways to guess that may be wrong each. */
-    int64_t n = N_MIXED > MOST_MIXED ? match_couples(bank, 0, N_MIXED, BY_SINGLES, BY_SINGLE, old, index, 0, chosen) : 0;
-    n = match_couples(bank, 0, N_MIXED, MOST_MIXED - n, BY_ALL, old, index, n, chosen);
-    n = match_couples(bank, N_MIXED, drifting, MOST_BOTH, BY_ALL, old, index, n, chosen);
+    const int64_t singles = BY_SINGLES < room - n ? BY_SINGLES : room - n;
+    if (N_MIXED > MOST_MIXED) n = match_couples(bank, 0, N_MIXED, singles, BY_SINGLE, old, index, n, chosen);
+    n = match_couples(bank, 0, N_MIXED, room - n, BY_ALL, old, index, n, chosen);
     n = match_couples(bank, drifting, N_COUPLES, most, BY_ALL, old, index, n, chosen);
     for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) job->bases[lane] = -1;
     for (int64_t row = 0; row < N_COUPLED; row++) {

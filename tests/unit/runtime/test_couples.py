@@ -134,14 +134,18 @@ slow_error: {T1: 1.5 K over 3 h, wall1.f: 4 % over 3 h, wall2.f: 4 % over 3 h, h
 """
 
 
-def first_in_rooms(sensor: Fault, component: Fault) -> Candidate:
-    """What comes first at the end where a thermometer of two rooms and a wall are at fault."""
+def ended_in_rooms(*faults: Fault) -> Monitor:
+    """The monitor of two rooms at the end."""
     graph = parse_model(ROOMS, "model.yaml")
     time, random = np.asarray(10.0 * np.arange(700), dtype=np.float64), np.random.default_rng(0)
     power = np.column_stack([random_steps(time, random, low=5, high=60, shortest=1500, longest=4000) for _ in "12"])
-    made = simulate(graph, Inputs(time=time, values=power), (sensor, component), seed=0)
-    monitor = run(build_engine(graph)[1], samples_of(time, made.inputs, made.outputs))[0]
-    return monitor.conclude().candidates[0]
+    made = simulate(graph, Inputs(time=time, values=power), faults, seed=0)
+    return run(build_engine(graph)[1], samples_of(time, made.inputs, made.outputs))[0]
+
+
+def first_in_rooms(sensor: Fault, component: Fault) -> Candidate:
+    """What comes first at the end where a thermometer of two rooms and a wall are at fault."""
+    return ended_in_rooms(sensor, component).conclude().candidates[0]
 
 
 AIR = """name: compressed air
@@ -199,6 +203,35 @@ def test_a_gain_of_an_input_and_a_factor_beside_it_are_alike(gain: Fault, beside
         likeliest, *others = rejecting.conclude().candidates
         assert likeliest.hypothesis == left.hypothesis
         assert all(item.probability == 0.0 for item in others if item.hypothesis == out.hypothesis)
+
+
+HEATER = Fault(parameter="H2", factor=0.8, start=3000.0)
+WALL = Fault(parameter="R1", factor=1.5, start=3000.0)
+FIRST_ROOM, SECOND_ROOM = (Fault(parameter=f"T{k}.bias", value=4.0, start=3000.0) for k in (1, 2))
+
+
+@pytest.mark.parametrize(("component", "sensor"), [(HEATER, SECOND_ROOM), (WALL, FIRST_ROOM)])
+def test_what_is_the_same_as_two_instruments_is_tested_too(component: Fault, sensor: Fault) -> None:
+    """Of a thermometer beside the gain of a heater, that beside the heater: there are more couples than places.
+
+    Where it had no lanes the pair with the input was more than 99.9 % sure, and wrong where the heater had changed.
+    """
+    monitor = ended_in_rooms(component, sensor)
+    spec, couples = monitor.core.spec, plan_couples(monitor.core.spec)
+    tested = {couples[int(k)].hypothesis for k in monitor.numbers("bank.coupled") if k >= 0}
+    mixed = {item.hypothesis for item in couples if item.slot >= len(spec.hypotheses) and item.parameter >= 0}
+    assert len(mixed) > n_coupled(spec)[0] == len(mixed & tested)
+    alike = {item.alike for item in couples if item.beside >= 0 and item.hypothesis in tested and item.alike in mixed}
+    assert len(alike) > 2
+    assert alike <= tested
+    first, second, *_ = monitor.conclude().candidates
+    assert component.parameter in first.parameters
+    if component is HEATER:
+        assert {frozenset(one.components) for one in (first, second)} == {
+            frozenset({"T2", "heater2"}),
+            frozenset({"T2", "u2"}),
+        }
+        assert first.probability < 0.95
 
 
 def test_a_parameter_begins_where_it_can_be() -> None:
