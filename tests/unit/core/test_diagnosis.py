@@ -5,6 +5,7 @@ import pytest
 
 from diagnosed import N_P, RESERVE, SPEC, Diagnosed, share_of, slot_of
 from faultbond.arrays import FloatArray
+from faultbond.contract.couples import plan_couples
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.spec import pack
 from faultbond.runtime.monitor import Monitor
@@ -17,8 +18,25 @@ SHARE = share_of(400)  # of differences of likelihoods, so many samples after th
 
 @pytest.fixture
 def state() -> Diagnosed:
-    """A state with an alarm."""
-    return Diagnosed()
+    """A state with an alarm, at which couples are tested; else they count as untested sets."""
+    found = Diagnosed()
+    found["bank.coupled"] = [0, *[-1] * (len(found["bank.coupled"]) - 1)]
+    return found
+
+
+def test_couples_that_wait_count_as_untested(state: Diagnosed) -> None:
+    """As long as none has lanes, and two parameters lead; then there is no bound either."""
+    state.far_off()
+    pair = next(k for k, members in enumerate(SPEC.hypotheses) if len(members) == 2)
+    state.only(int(np.flatnonzero(STEPS.hypothesis == pair)[0]))
+    before = state.diagnose()
+    assert (before["has_untested"], before["untested_sets"]) == (1, len(RESERVE))
+    state["bank.coupled"] = -1
+    waiting = sum(item.slot >= len(SPEC.hypotheses) for item in plan_couples(SPEC))
+    found = state.diagnose()
+    assert (found["untested_sets"], found["untested_probability"]) == (len(RESERVE) + waiting, 1.0)
+    state.only(int(np.flatnonzero(STEPS.hypothesis == 0)[0]))
+    assert state.diagnose()["untested_sets"] == len(RESERVE)
 
 
 def test_what_does_not_fit(state: Diagnosed) -> None:
