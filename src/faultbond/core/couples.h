@@ -19,12 +19,11 @@
 #include "growing.h"
 #include "slots.h"
 
-#define BY_SINGLES (MOST_MIXED / 4) /* couples that are chosen by what a parameter alone leaves to explain at a sensor */
-
 enum { LIKELIEST, SECOND, THIRD };
 
 /* A couple that may be tested: its likelihood by the closed form, by steps, or by its lanes, its cost taken off; the likeliest
-   base and another one (-1: none), what these say, and where the parameter begins. is_single: the other one is that of `match_single`. */
+   base and another one (-1: none), what these say, and where the parameter begins. is_single: the other one is that of
+   `match_single`. */
 typedef struct {
     int64_t couple, row, base[2], is_single;
     double score, said[2], value[2];
@@ -205,20 +204,19 @@ static double left_at(const Bank *bank, int64_t lane, int output, int64_t index)
 }
 
 /* Let a couple of a sensor count by what the best step of the parameter alone says, and what that leaves to explain at the sensor,
-   if that is more, or `always`; then the sensor is off beside the parameter where that step has it. A sensor that is off by itself,
-   beside a load that is heavier, has made of it what the closed form does not undo. Gives whether it counts by that. */
-static int match_single(Bank *bank, int64_t index, int always, Match *match)
+   if that is more; then the sensor is off beside the parameter where that step has it. A sensor that is off by itself, beside a load
+   that is heavier, has made of it what the closed form does not undo. */
+static void match_single(Bank *bank, int64_t index, Match *match)
 {
     const int64_t set = single_of(COUPLE_PARAMETER[match->couple]), instrument = COUPLE_SLOT[match->couple];
     const int64_t lane = set < 0 ? -1 : likeliest_lane(bank, set), slot = still_slot(bank, instrument, 0);
-    if (lane < 0 || slot < 0 || SLOT_OUTPUT[slot] < 0 || match->base[0] < 0) return 0;
+    if (lane < 0 || slot < 0 || SLOT_OUTPUT[slot] < 0 || match->base[0] < 0) return;
     const double said = likelihood_or_none(bank, lane) + SLOT_WEIGHT[slot] + left_at(bank, lane, SLOT_OUTPUT[slot], index);
-    if (!always && !(said > match->said[0])) return 0;
+    if (!(said > match->said[0])) return;
     match->said[0] = said;
     match->base[1] = slot; /* the second lane begins where the step does */
     match->value[1] = *number_of_step(bank, lane, AT_PARAMETERS + COUPLE_PARAMETER[match->couple]);
     match->is_single = 1;
-    return 1;
 }
 
 /* What two instruments would say: the likeliest of either, and what that leaves to explain at the other. */
@@ -239,35 +237,39 @@ static void match_instruments(Bank *bank, int64_t index, Match *match)
     }
 }
 
-/* How couples are chosen: by all that is known of them; or those that are not tested, by `match_single` alone. */
-enum { BY_ALL, BY_SINGLE };
-
-/* What is said of a couple, costs taken off; -inf: it is not chosen so. */
-static Match match_of(Bank *bank, int64_t couple, int how, const double *old, int64_t index)
+/* What is said of a couple, costs taken off; of one that is rejected -inf. */
+static Match match_of(Bank *bank, int64_t couple, const double *old, int64_t index)
 {
     Match match = {couple, row_of_couple(bank, couple), {-1, -1}, 0, -INFINITY, {0.0, 0.0}, {0.0, 0.0}};
     if (bank->rejected[COUPLE_HYPOTHESIS[couple]]) return match;
     if (COUPLE_BESIDE[couple] >= 0) match_instruments(bank, index, &match);
     else find_bases_of(bank, old, &match);
     include_gain(bank, old, &match);
-    const int is_matched = couple < N_MIXED && match_single(bank, index, how == BY_SINGLE, &match);
+    if (couple < N_MIXED) match_single(bank, index, &match);
     match_steps(bank, &match);
-    if (how == BY_SINGLE && (!is_matched || match.row >= 0)) return match;
     match.score = match.row < 0 ? match.said[0] : said_by_couple(bank, likeliest_of_couple(bank, match.row));
     match.score -= COST[COUPLE_HYPOTHESIS[couple]];
     return match;
 }
 
-/* Add the likeliest of some couples, up to `most`, to those that are chosen, `had`, but for these; gives how many are chosen then. */
-static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t most, int how, const double *old, int64_t index,
-                             int64_t had, Match *chosen)
+/* Whether a couple is among the first that are chosen, so many. */
+static int is_chosen(const Match *chosen, int64_t n, int64_t couple)
+{
+    for (int64_t k = 0; k < n; k++)
+        if (chosen[k].couple == couple) return 1;
+    return 0;
+}
+
+/* Add the likeliest of some couples, up to `most`, to those that are chosen, `had`, but for these; gives how many there are
+   then. */
+static int64_t match_couples(Bank *bank, int64_t first, int64_t end, int64_t most, const double *old, int64_t index, int64_t had,
+                             Match *chosen)
 {
     int64_t n = had;
     for (int64_t couple = first; couple < end; couple++) {
-        const Match match = match_of(bank, couple, how, old, index);
-        int is_chosen = 0;
-        for (int64_t k = 0; k < had; k++) is_chosen |= chosen[k].couple == couple;
-        if (is_chosen || !(match.score > -INFINITY)) continue;
+        if (is_chosen(chosen, had, couple)) continue;
+        const Match match = match_of(bank, couple, old, index);
+        if (!(match.score > -INFINITY)) continue;
         int64_t at = n;
         while (at > had && match.score > chosen[at - 1].score) at--;
         if (at == had + most) continue;
@@ -285,10 +287,8 @@ static int64_t match_alike(Bank *bank, const double *old, int64_t index, int64_t
     const int64_t end = n;
     for (int64_t k = 0; k < end; k++) {
         const int64_t couple = COUPLE_ALIKE[chosen[k].couple] - FIRST_MIXED;
-        int is_none = couple < 0 || couple >= N_MIXED || n == end + MOST_MIXED;
-        for (int64_t other = end; other < n; other++) is_none |= chosen[other].couple == couple;
-        if (is_none) continue;
-        chosen[n] = match_of(bank, couple, BY_ALL, old, index);
+        if (couple < 0 || couple >= N_MIXED || n == end + MOST_MIXED || is_chosen(chosen, n, couple)) continue;
+        chosen[n] = match_of(bank, couple, old, index);
         if (chosen[n].score > -INFINITY) n++;
     }
     return n;
@@ -370,14 +370,11 @@ static void choose_couples(Bank *bank, const double *old, int64_t index, Job *jo
 {
     Match chosen[FB_ROOM(N_COUPLED)];
     const int64_t drifting = N_MIXED + N_BOTH, most = N_COUPLED - MOST_MIXED - MOST_BOTH;
-    int64_t n = match_couples(bank, N_MIXED, drifting, MOST_BOTH, BY_ALL, old, index, 0, chosen);
+    int64_t n = match_couples(bank, N_MIXED, drifting, MOST_BOTH, old, index, 0, chosen);
     const int64_t room = n + MOST_MIXED;
     n = match_alike(bank, old, index, n, chosen);
-    /* What is tested is told by how it explains the data; of what is not, two ways to guess that may be wrong each. */
-    const int64_t singles = BY_SINGLES < room - n ? BY_SINGLES : room - n;
-    if (N_MIXED > MOST_MIXED) n = match_couples(bank, 0, N_MIXED, singles, BY_SINGLE, old, index, n, chosen);
-    n = match_couples(bank, 0, N_MIXED, room - n, BY_ALL, old, index, n, chosen);
-    n = match_couples(bank, drifting, N_COUPLES, most, BY_ALL, old, index, n, chosen);
+    n = match_couples(bank, 0, N_MIXED, room - n, old, index, n, chosen);
+    n = match_couples(bank, drifting, N_COUPLES, most, old, index, n, chosen);
     for (int64_t lane = 0; lane < N_COUPLE_LANES; lane++) job->bases[lane] = -1;
     for (int64_t row = 0; row < N_COUPLED; row++) {
         int is_kept = 0;

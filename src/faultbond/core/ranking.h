@@ -29,8 +29,8 @@ typedef struct {
     double kinds[FB_ROOM(N_HYPOTHESES)][N_KINDS];   /* of each hypothesis and kind */
     double score[FB_ROOM(N_HYPOTHESES)];            /* of each hypothesis, with its cost */
     int64_t leading[FB_ROOM(N_HYPOTHESES)];         /* its likeliest kind, */
-    int64_t best[FB_ROOM(N_HYPOTHESES)];            /* and its likeliest lane among those of this kind; -1: none */
-    int64_t lanes[FB_ROOM(N_HYPOTHESES)][N_KINDS];  /* the likeliest of each kind */
+    int64_t likeliest[FB_ROOM(N_HYPOTHESES)][N_KINDS]; /* its likeliest lane of each kind; -1: none, */
+    int64_t best[FB_ROOM(N_HYPOTHESES)];            /* and that of its likeliest kind, which tells of it */
     double within;                                  /* score of no fault but what lies within the accuracy, see within.h, */
     double shared[FB_ROOM(N_HYPOTHESES)];           /* and its memory: what each hypothesis is worth, */
     Given given;                                    /* and how suspects depend on other parameters */
@@ -155,7 +155,7 @@ static void score_all(const State *state, int out, Ranking *ranking)
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
         for (int kind = 0; kind < N_KINDS; kind++) {
             ranking->kinds[k][kind] = -INFINITY;
-            ranking->lanes[k][kind] = -1;
+            ranking->likeliest[k][kind] = -1;
         }
         ranking->leading[k] = 0;
     }
@@ -175,10 +175,10 @@ static void score_all(const State *state, int out, Ranking *ranking)
         ranking->score[k] = total - COST[k] + log_of_records(state, k);
     }
     for (int64_t lane = 0; lane < N_LANES; lane++) {
-        int64_t *best = &ranking->lanes[hypothesis_of(bank, lane)][kind_of(bank, lane)];
+        int64_t *best = &ranking->likeliest[hypothesis_of(bank, lane)][kind_of(bank, lane)];
         if (ranking->weighted[lane] > (*best < 0 ? -INFINITY : ranking->weighted[*best])) *best = lane;
     }
-    for (int64_t k = 0; k < N_HYPOTHESES; k++) ranking->best[k] = ranking->lanes[k][ranking->leading[k]];
+    for (int64_t k = 0; k < N_HYPOTHESES; k++) ranking->best[k] = ranking->likeliest[k][ranking->leading[k]];
 }
 
 /* Whether a hypothesis is likelier than another one. What sums of logarithms round counts as equal, so that those that look
@@ -258,7 +258,7 @@ static void mix_value(const Suspect *told, const Suspect *others, int64_t n, dou
 
 /* The suspects of a candidate, as its best lane has them. A value is as uncertain as the kinds of fault together leave it: what
    rises for as long as a valve is shut, and what has come to stay meanwhile, are far apart, and nobody knows which it is. */
-static void find_suspects(const State *state, const int64_t *lanes, Candidate *candidate)
+static void find_suspects(const State *state, const int64_t *likeliest, Candidate *candidate)
 {
     const int64_t lane = candidate->lane;
     double square[LARGEST_SET], total[LARGEST_SET];
@@ -272,7 +272,7 @@ static void find_suspects(const State *state, const int64_t *lanes, Candidate *c
         total[k] = candidate->shares[0];
     }
     for (int64_t row = 1; row < candidate->n_kinds && candidate->shares[row] >= LIKELY_KIND; row++) {
-        const int64_t n = judged_suspects(state, lanes[candidate->kinds[row]], others);
+        const int64_t n = judged_suspects(state, likeliest[candidate->kinds[row]], others);
         for (int64_t k = 0; k < candidate->n_suspects; k++)
             mix_value(&candidate->suspects[k], others, n, candidate->shares[row], &square[k], &total[k]);
     }
@@ -307,7 +307,7 @@ static void rank(const State *state, const Ranking *ranking, Diagnosis *found)
         candidate->group = ranking->score[k] >= ranking->score[order[0]] - GROUP_NATS;
         candidate->probability = exp(ranking->score[k] - ranking->score[order[0]]) / total + (is_tested(ranking, k) ? even : 0.0);
         rank_kinds(ranking->kinds[k], ranking->leading[k], candidate);
-        find_suspects(state, ranking->lanes[k], candidate);
+        find_suspects(state, ranking->likeliest[k], candidate);
     }
 }
 

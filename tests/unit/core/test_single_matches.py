@@ -1,6 +1,7 @@
 """Couples of a sensor and a parameter: chosen also by what the parameter alone leaves to explain at the sensor."""
 
 from math import log
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -23,7 +24,8 @@ static int64_t couple_with(int input, int output)
     return -1;
 }
 /* The second parameter alone, at 1.4, says given[0], and leaves a sum at the second sensor; lanes with a slot say
-   given[1], those that are stuck a nat more. given[2], given[3]: the input and the sensor of the couple. */
+   given[1], those that are stuck a nat more. given[2], given[3]: the input and the sensor of the
+   couple. */
 void t_match(State *state, const double *given, double *found)
 {
     Bank *bank = &state->bank;
@@ -42,45 +44,51 @@ void t_match(State *state, const double *given, double *found)
         *number_of_slot(bank, lane, place) = 1.0;
         *number_of_slot(bank, lane, WIDE_PLACE(place, place)) = 0.01;
     }
-    Match match = {couple_with((int)given[2], (int)given[3]), -1, {-1, -1}, 0, 0.0, {0.0, 0.0}, {0.0, 0.0}};
-    find_bases_of(bank, NULL, &match);
-    (void)match_single(bank, state->clock.index, given[4] != 0.0, &match);
+    const Match match = match_of(bank, couple_with((int)given[2], (int)given[3]), NULL, state->clock.index);
     found[0] = (double)SLOT_KIND[match.base[0]];
     found[1] = match.base[1] < 0 ? -1.0 : (double)SLOT_KIND[match.base[1]];
     found[2] = match.said[0];
     found[3] = match.value[1];
     found[4] = (double)match.is_single;
+    found[5] = match.score;
 }
 """.replace("LEFT", str(LEFT)).replace("SAMPLES", str(float(SAMPLES)))
 
 
-def matched(
-    core: Bare, step: float, slot: float, *, sensor: int = 1, uses: int = -1, always: bool = False
-) -> tuple[int, int, float, float, bool]:
-    """Give the kinds of both bases, what is said, and where the parameter begins with the second one."""
-    found = np.zeros(5)
-    core.call("t_match", np.array([step, slot, float(uses), float(sensor), float(always)]), found)
-    return int(found[0]), int(found[1]), float(found[2]), float(found[3]), bool(found[4])
+class Matched(NamedTuple):
+    """Kinds of both bases, what is said, where the parameter begins with the second, whose that is, and the score."""
+
+    first: int
+    second: int
+    said: float
+    value: float
+    is_single: float
+    score: float
+
+
+def matched(core: Bare, step: float, slot: float, *, sensor: int = 1, uses: int = -1) -> Matched:
+    """Give what is said of a couple."""
+    found = np.zeros(6)
+    core.call("t_match", np.array([step, slot, float(uses), float(sensor)]), found)
+    return Matched(int(found[0]), int(found[1]), *(float(value) for value in found[2:]))
 
 
 def test_a_sensor_is_tried_beside_a_parameter_by_what_that_leaves_at_it() -> None:
     """With a bias, where the step of the parameter has that, beside what the sensor alone says best."""
     core = bare(CALLS, CELL.replace("max_faults: 1", "max_faults: 2"))
-    kinds = list(FaultKind)
+    settings, kinds = core.spec.thresholds, list(FaultKind)
     bias, stuck = kinds.index(FaultKind.BIAS), kinds.index(FaultKind.STUCK)
     likeliest = max(x.weight for x in plan_slots(core.spec).lanes if x.output == 1 and x.kind is FaultKind.BIAS)
-    left = 0.5 * SAMPLES * (core.spec.thresholds.cusum_drift + LEFT / SAMPLES) ** 2
-    first, second, said, value, is_single = matched(core, -100.0, -100.0)
-    assert (first, second, value, is_single) == (stuck, bias, 1.4, True)
-    assert said == pytest.approx(-100.0 + likeliest + left)
-    worse = -100.0 - left - 20.0
-    alone = matched(core, worse, -100.0)
-    assert (alone[0], alone[4]) == (stuck, False)
-    assert alone[2] == pytest.approx(-99.0, abs=log(1e3))
-    assert alone[3] != 1.4
-    first, second, said, value, is_single = matched(core, worse, -100.0, always=True)
-    assert (first, second, value, is_single) == (stuck, bias, 1.4, True)
-    assert said == pytest.approx(worse + likeliest + left)
+    left = 0.5 * SAMPLES * (settings.cusum_drift + LEFT / SAMPLES) ** 2
+    cost = settings.cost_per_suspect + settings.cost_per_sensor
+    found = matched(core, -100.0, -100.0)
+    assert (found.first, found.second, found.value, found.is_single) == (stuck, bias, 1.4, 1.0)
+    assert found.said == pytest.approx(-100.0 + likeliest + left)
+    assert found.score == pytest.approx(found.said - cost)
+    alone = matched(core, -100.0 - left - 20.0, -100.0)
+    assert (alone.first, alone.is_single) == (stuck, 0.0)
+    assert alone.said == pytest.approx(-99.0, abs=log(1e3))
+    assert alone.value != 1.4
     # Not of a sensor at which nothing is left, nor of an input, whose fault shows at any sensor.
-    assert not matched(core, -100.0, -90.0, sensor=0)[4]
-    assert not matched(core, -100.0, -90.0, sensor=-1, uses=0, always=True)[4]
+    assert not matched(core, -100.0, -90.0, sensor=0).is_single
+    assert not matched(core, -100.0, -190.0, sensor=-1, uses=0).is_single
