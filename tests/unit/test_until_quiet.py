@@ -958,6 +958,34 @@ def test_what_was_found_is_written_when_the_search_is_stopped(
         assert "nothing so far that foretells what was held back better" in text
 
 
+def test_a_search_that_is_stopped_says_on_which_recordings_its_model_alarms(
+    lagging: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before the lag is found it does on both, so `run` claims nothing by it; if nobody can tell, all else stays."""
+
+    def stop(*_: object) -> bool:
+        raise Stopped(2)
+
+    target, output = tmp_path / "records.jsonl", tmp_path / "quiet.yaml"
+    monkeypatch.setattr(quiet_fit, "_seems_quiet", stop)
+    assert main([*lagging, "--json", str(target)]) == 128 + 2
+    quiet = json.loads(target.read_text(encoding="utf-8").splitlines()[-1])
+    assert [Path(name).name for name in quiet["alarms"]] == ["1.csv", "2.csv"]
+    assert load_model(output).false_alarms == 2
+    said = " ".join(capsys.readouterr().out.split())
+    assert "2.csv, so `run` claims no fault by it (`false_alarms`)." in said
+    assert main(["run", str(output), str(tmp_path / "2.csv")]) == 1
+    assert "Most likely the model is off" in " ".join(capsys.readouterr().out.split())
+
+    def fail(*_: object) -> None:
+        raise FaultbondError("no compiler any more")
+
+    monkeypatch.setattr(quiet_fit, "alarms_with", fail)
+    assert main(lagging) == 128 + 2
+    assert load_model(output).false_alarms == 0
+    assert "nobody knows yet how quiet" in " ".join(capsys.readouterr().out.split())
+
+
 @pytest.mark.parametrize("error", [RuntimeError("lost"), FaultbondError("no room")])
 def test_what_was_found_is_written_when_the_search_fails(
     error: Exception, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -215,12 +215,10 @@ def _fitted(
 
 def _tried_out(text: str, fitted: Any, read: tuple[tuple[str, list[Sample]], ...], tell: Callable[[str], None]) -> Any:
     """Ask whether a fitted model, a text, alarms on the recordings; give what was found with that."""
-    from faultbond.fit.samples import healthy_recording  # noqa: PLC0415 - loads casadi
-    from faultbond.fit.trial import alarms_of  # noqa: PLC0415 - loads scipy
+    from faultbond.app.quiet_fit import alarms_with  # noqa: PLC0415 - loads casadi and scipy
 
     tell("asking whether it alarms on the recordings")
-    core = build_watcher(parse_model(text, file=fitted.graph.file))
-    return replace(fitted, alarms=alarms_of(core, [healthy_recording(name, points, core) for name, points in read]))
+    return replace(fitted, alarms=alarms_with(text, fitted.graph.file, read))
 
 
 def _quieted(

@@ -104,19 +104,32 @@ def fit_until_quiet(
         if asked_to is None:
             raise
         tell("working out what was found by then")
-        return replace(_by_then(found(), graph), stopped=asked_to.number)
+        return replace(_by_then(found(), graph, read), stopped=asked_to.number)
     except Exception as error:
-        return replace(_by_then(found(), graph), failed=error)
+        return replace(_by_then(found(), graph, read), failed=error)
     return found()
 
 
-def _by_then(now: Quieted, stated: BondGraph) -> Quieted:
+def _by_then(now: Quieted, stated: BondGraph, read: Recordings) -> Quieted:
     """Give what was found where somebody stops the search.
 
     Before a trial nobody knows whether accuracies as the data tell them are wide enough, so that they stay as stated:
-    who goes on from there is else told that parameters are far outside of what a search had said half-way.
+    who goes on from there is else told that parameters are far outside of what a search had said half-way. On which
+    recordings it alarms is asked, though: `run` is not to claim faults by a model that is known to.
     """
-    return now if now.health is not None else replace(now, text=with_stated_accuracies(now.text, stated))
+    if now.health is not None:
+        return now
+    text = with_stated_accuracies(now.text, stated)
+    with suppress(FaultbondError):  # what ended it may be that nothing can be compiled any more
+        alarms = alarms_with(text, stated.file, read)
+        return replace(now, text=replace(now.fitted, alarms=alarms).with_false_alarms(text), alarms=alarms)
+    return replace(now, text=text)
+
+
+def alarms_with(text: str, file: str, read: Recordings) -> dict[str, float]:
+    """Give when the detector alarms on healthy recordings, s, by their names, with the text of a model."""
+    core = build_watcher(parse_model(text, file=file))
+    return alarms_of(core, [healthy_recording(name, points, core) for name, points in read])
 
 
 def _steps(

@@ -558,10 +558,10 @@ def quiet_verdict(found: Quieted) -> str:
         return f"The search was stopped before its end. {quiet_verdict(replace(found, stopped=None, failed=None))}"
     health = found.health
     if health is None:
-        return (
-            "The model is as it was by then, its accuracies as they were stated, and nobody knows yet how quiet: ask "
-            "`faultbond check --data`."
-        )
+        by_then = "The model is as it was by then, its accuracies as they were stated"
+        if found.alarms:
+            return f"{by_then}. It alarms on {join([*found.alarms])}, so `run` claims no fault by it (`false_alarms`)."
+        return f"{by_then}, and nobody knows yet how quiet: ask `faultbond check --data`."
     between = spacing_text(health.between)
     deaf = f" The model is deaf to faults of {join(found.deaf)}." if found.deaf else ""
     if found.quiet and not health.has_room:
