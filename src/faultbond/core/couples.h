@@ -22,10 +22,9 @@
 enum { LIKELIEST, SECOND, THIRD };
 
 /* A couple that may be tested: its likelihood by the closed form, by steps, or by its lanes, its cost taken off; the likeliest
-   base and another one (-1: none), what these say, and where the parameter begins. is_single: the other one is that of
-   `match_single`. */
+   base and another one (-1: none), what these say, and where the parameter begins. */
 typedef struct {
-    int64_t couple, row, base[2], is_single;
+    int64_t couple, row, base[2];
     double score, said[2], value[2];
 } Match;
 
@@ -216,7 +215,6 @@ static void match_single(Bank *bank, int64_t index, Match *match)
     match->said[0] = said;
     match->base[1] = slot; /* the second lane begins where the step does */
     match->value[1] = *number_of_step(bank, lane, AT_PARAMETERS + COUPLE_PARAMETER[match->couple]);
-    match->is_single = 1;
 }
 
 /* What two instruments would say: the likeliest of either, and what that leaves to explain at the other. */
@@ -240,7 +238,7 @@ static void match_instruments(Bank *bank, int64_t index, Match *match)
 /* What is said of a couple, costs taken off; of one that is rejected -inf. */
 static Match match_of(Bank *bank, int64_t couple, const double *old, int64_t index)
 {
-    Match match = {couple, row_of_couple(bank, couple), {-1, -1}, 0, -INFINITY, {0.0, 0.0}, {0.0, 0.0}};
+    Match match = {couple, row_of_couple(bank, couple), {-1, -1}, -INFINITY, {0.0, 0.0}, {0.0, 0.0}};
     if (bank->rejected[COUPLE_HYPOTHESIS[couple]]) return match;
     if (COUPLE_BESIDE[couple] >= 0) match_instruments(bank, index, &match);
     else find_bases_of(bank, old, &match);
@@ -326,7 +324,7 @@ static void plan_match(Bank *bank, const Match *match, const double *old, Job *j
     const int64_t base = own < 0 ? match->base[0] : own;
     const double value = own < 0 ? match->value[0] : of_slot(bank, N_SLOT_LANES + best, place);
     const int other = match->base[0] >= 0 && match->base[0] != base && SLOT_KIND[match->base[0]] != SLOT_KIND[base] ? 0 : 1;
-    const int is_alone = match->base[other] < 0 || (match->base[other] == base && !(match->is_single && own < 0));
+    const int is_alone = match->base[other] < 0 || match->base[other] == base;
     for (int64_t k = LIKELIEST; k <= SECOND; k++) {
         const int64_t lane = lane_of_couple(match->row, k);
         const int is_first = own < 0 || part == THIRD ? k == LIKELIEST : k == part;

@@ -49,26 +49,24 @@ void t_match(State *state, const double *given, double *found)
     found[1] = match.base[1] < 0 ? -1.0 : (double)SLOT_KIND[match.base[1]];
     found[2] = match.said[0];
     found[3] = match.value[1];
-    found[4] = (double)match.is_single;
-    found[5] = match.score;
+    found[4] = match.score;
 }
 """.replace("LEFT", str(LEFT)).replace("SAMPLES", str(float(SAMPLES)))
 
 
 class Matched(NamedTuple):
-    """Kinds of both bases, what is said, where the parameter begins with the second, whose that is, and the score."""
+    """Kinds of both bases, what is said, where the parameter begins with the second, and the score."""
 
     first: int
     second: int
     said: float
     value: float
-    is_single: float
     score: float
 
 
 def matched(core: Bare, step: float, slot: float, *, sensor: int = 1, uses: int = -1) -> Matched:
     """Give what is said of a couple."""
-    found = np.zeros(6)
+    found = np.zeros(5)
     core.call("t_match", np.array([step, slot, float(uses), float(sensor)]), found)
     return Matched(int(found[0]), int(found[1]), *(float(value) for value in found[2:]))
 
@@ -82,13 +80,13 @@ def test_a_sensor_is_tried_beside_a_parameter_by_what_that_leaves_at_it() -> Non
     left = 0.5 * SAMPLES * (settings.cusum_drift + LEFT / SAMPLES) ** 2
     cost = settings.cost_per_suspect + settings.cost_per_sensor
     found = matched(core, -100.0, -100.0)
-    assert (found.first, found.second, found.value, found.is_single) == (stuck, bias, 1.4, 1.0)
+    assert (found.first, found.second, found.value) == (stuck, bias, 1.4)
     assert found.said == pytest.approx(-100.0 + likeliest + left)
     assert found.score == pytest.approx(found.said - cost)
     alone = matched(core, -100.0 - left - 20.0, -100.0)
-    assert (alone.first, alone.is_single) == (stuck, 0.0)
+    assert alone.first == stuck
     assert alone.said == pytest.approx(-99.0, abs=log(1e3))
     assert alone.value != 1.4
     # Not of a sensor at which nothing is left, nor of an input, whose fault shows at any sensor.
-    assert not matched(core, -100.0, -90.0, sensor=0).is_single
-    assert not matched(core, -100.0, -190.0, sensor=-1, uses=0).is_single
+    assert matched(core, -100.0, -90.0, sensor=0).value != 1.4
+    assert matched(core, -100.0, -190.0, sensor=-1, uses=0).value != 1.4
