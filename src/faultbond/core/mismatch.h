@@ -54,12 +54,30 @@ static int is_far_off(const State *state, int64_t lane)
     return 0;
 }
 
-/* Tell which hypothesis was sure for long, and is none of the likeliest any more. */
+/* The part that a suspect is, or is of. */
+static int part_of(const Suspect *suspect)
+{
+    if (suspect->parameter >= 0) return PARAMETER_PART[suspect->parameter];
+    return suspect->input >= 0 ? INPUT_PART[suspect->input] : OUTPUT_PART[suspect->output];
+}
+
+/* Whether a candidate has all parts that were sure to be at fault. */
+static int has_settled(const Candidate *candidate, const Settled *settled)
+{
+    for (int64_t i = 0; i < settled->n_parts; i++) {
+        int is_there = 0;
+        for (int64_t k = 0; k < candidate->n_suspects; k++) is_there |= part_of(&candidate->suspects[k]) == settled->parts[i];
+        if (!is_there) return 0;
+    }
+    return 1;
+}
+
+/* Tell which hypothesis was sure for long, and is none of the likeliest any more, nor part of the likeliest. */
 static void find_superseded(const State *state, const Ranking *ranking, Diagnosis *found)
 {
     const int64_t before = state->settled.hypothesis, leading = leading_hypothesis(ranking);
     if (before < 0 || leading < 0 || state->bank.rejected[before]) return;
-    if (ranking->score[before] >= ranking->score[leading] - GROUP_NATS) return;
+    if (ranking->score[before] >= ranking->score[leading] - GROUP_NATS || has_settled(&found->candidates[0], &state->settled)) return;
     found->n_superseded = state->settled.n_parts;
     memcpy(found->superseded, state->settled.parts, sizeof found->superseded);
     found->superseded_until = state->settled.until;

@@ -58,13 +58,6 @@ static int64_t take_diagnosis(Sure *sure, const Diagnosis *found, int64_t sample
     return ripe ? best : -1;
 }
 
-/* The part that a suspect is, or is of. */
-static int part_of(const Suspect *suspect)
-{
-    if (suspect->parameter >= 0) return PARAMETER_PART[suspect->parameter];
-    return suspect->input >= 0 ? INPUT_PART[suspect->input] : OUTPUT_PART[suspect->output];
-}
-
 /* Note the parts that are at fault by a candidate, each once. */
 static void note_parts(const Candidate *candidate, Settled *settled)
 {
@@ -77,12 +70,13 @@ static void note_parts(const Candidate *candidate, Settled *settled)
     }
 }
 
-/* Take the diagnosis of a sample, so that what is sure now is known later. */
+/* Take the diagnosis of a sample, so that what is sure now is known later. What counts is the set: nothing is corrected, so its kind
+   may stay open. */
 static void settle_on(Settled *settled, const Diagnosis *found, int64_t sample)
 {
-    const int64_t ripe = take_diagnosis(&settled->now, found, sample, SETTLED);
-    if (ripe >= 0) {
-        settled->hypothesis = ripe;
+    take_diagnosis(&settled->now, found, sample, SETTLED);
+    if (settled->now.hypothesis >= 0 && sample - settled->now.since >= SURE_SAMPLES) {
+        settled->hypothesis = settled->now.hypothesis;
         note_parts(&found->candidates[0], settled);
     }
     if (found->n_candidates > 0 && found->n_superseded == 0) settled->until = found->time;

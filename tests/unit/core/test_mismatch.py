@@ -11,6 +11,7 @@ from faultbond.synthesis.compile import find_compiler
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 TRUSTED, SUSPECT, OTHER = 0, 1, 2
+PAIR_LANE = 15  # the first of the set (0, 1)
 SETTINGS = core_settings()
 WALKS = int(SETTINGS["WALKS"])
 OTHERS = replace(
@@ -88,3 +89,22 @@ def test_false_alarms_that_are_known_leave_the_most_to_a_model_that_is_off(known
     assert sets == pytest.approx([(1.0 - off) * probability + off / len(surely) for probability in surely])
     assert within == pytest.approx((1.0 - off) * before)
     assert diagnosed(TRUSTED, false_alarms=known)[0] == max(off, SETTINGS["OFF_FROM_START"])
+
+
+@pytest.mark.parametrize(
+    ("sure", "is_superseded"), [(("one",), False), (("one", "two"), False), (("load",), True), (("one", "load"), True)]
+)
+def test_what_was_sure_is_superseded_by_what_lacks_it(sure: tuple[str, ...], *, is_superseded: bool) -> None:
+    """A likeliest set that has all that was sure, beside something else or not, forgets nothing."""
+    pair = SPEC.hypotheses.index((0, 1))  # the resistors `one` and `two`
+    before = SPEC.hypotheses.index((2,))  # far behind it
+    state = Diagnosed()
+    state.far_off()
+    state.only(PAIR_LANE)
+    state["settled.hypothesis"], state["settled.n_parts"], state["settled.until"] = before, len(sure), 40.0
+    state["settled.parts"] = [*(SPEC.parts.index(name) for name in sure), 0, 0][:3]
+    found = state.diagnose()
+    assert found["candidates"][0]["hypothesis"] == pair
+    told = tuple(SPEC.parts[k] for k in found["superseded"][: found["n_superseded"]])
+    assert told == (sure if is_superseded else ())
+    assert found["mismatch"] == (SETTINGS["OFF_SUPERSEDED"] if is_superseded else 0.0)

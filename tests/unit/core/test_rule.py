@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pumped
-from cell_course import ACCEPTED, REJECTED, cell, course
+from cell_course import ACCEPTED, REJECTED, cell, course, rows
 from faultbond.runtime.candidates import diagnosis_of
 from faultbond.runtime.monitor import Monitor
 from faultbond.synthesis.compile import find_compiler
@@ -160,3 +160,18 @@ def test_samples_that_are_not_judged_do_not_count() -> None:
     monitor = changed(monitor, **since)
     monitor.take(samples[210:240])
     assert {name: int(monitor.number(name)) for name in since} == {name: value + 30 for name, value in since.items()}
+
+
+@pytest.mark.parametrize(("ago", "is_kept"), [(200, True), (150, False)])
+def test_what_was_sure_is_kept_in_mind_though_its_kind_stays_open(ago: int, *, is_kept: bool) -> None:
+    """A sensor off by a part or by a constant: what is kept in mind is not corrected by, so the set will do."""
+    row, samples = 255, rows()
+    monitor = Monitor(cell(), course().saved[row])
+    best = monitor.conclude().candidates[0]
+    assert best.probability > 0.99 > best.kinds[0][1]
+    since = int(monitor.number("clock.index")) - ago
+    now = {"hypothesis": best.hypothesis, "since": since, "clear_since": -1}
+    monitor = changed(monitor, **{f"settled.now.{name}": value for name, value in now.items()})
+    monitor.take(samples[row : row + 20])
+    assert int(monitor.number("settled.now.since")) == since
+    assert monitor.number("settled.hypothesis") == (best.hypothesis if is_kept else -1)
