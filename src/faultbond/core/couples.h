@@ -453,21 +453,20 @@ static void suspect_too(const Bank *bank, const Job *job, int64_t lane, const do
     suspect_lane(&start, plain, to);
 }
 
-/* Begin a group of lanes of couples at an onset. */
-static void begin_couples(const Bank *bank, const Trail *trail, int64_t onset, Job *job, double *lane_of_old, double *plain,
-                          SlotMemory *memory)
+/* Fill the group with its lanes as they begin from a healthy lane, having seen the samples before an onset. */
+static void fill_couples(const Bank *bank, const Trail *trail, int64_t onset, const double *healthy, Job *job, StepMemory *steps,
+                         SlotMemory *memory)
 {
     SlotStart *start = &memory->start;
-    double elapsed = 0.0; /* to the end of the trail */
+    double elapsed = 0.0, *old = steps->later, *plain = steps->lane; /* elapsed: to the end of the trail */
     for (int64_t place = onset; place < trail->n; place++) elapsed += sample_at(trail, place)[SAMPLE_DT];
-    memset(&job->walk, 0, sizeof job->walk);
-    prepare_slots(trail, before_onset(trail, onset), onset, NULL, memory);
-    if (trail->old) doubted(start->healthy, trail->old, lane_of_old);
-    else memcpy(lane_of_old, start->healthy, sizeof start->healthy);
+    prepare_slots(trail, healthy, onset, NULL, memory);
+    if (trail->old) doubted(start->healthy, trail->old, old);
+    else memcpy(old, start->healthy, sizeof start->healthy);
     for (int l = 0; l < GROUP; l++) {
         const int64_t lane = job->lane[l], base = job->bases[lane];
         const int64_t beside = beside_of(bank, lane, base);
-        double *from = SLOT_OLD[base] ? lane_of_old : start->healthy;
+        double *from = SLOT_OLD[base] ? old : start->healthy;
         if (beside < 0) suspect_too(bank, job, lane, start->healthy, from, plain);
         else memcpy(plain, from, sizeof start->healthy);
         widen(plain, SLOT_OLD[base] ? start->old : start->wide);
@@ -477,6 +476,36 @@ static void begin_couples(const Bank *bank, const Trail *trail, int64_t onset, J
         if (!from_found) continue;
         job->run[AT_SLOT][l] = job->found[l][0] - job->found[l][1] * elapsed;
         if (beside < 0) job->run[AT_SLOT + 1][l] = job->found[l][1];
+    }
+}
+
+/* Begin a group of lanes of couples at an onset: they stand at that sample, and have not taken it. As with steps (`begin_lanes`) both
+   faults came at some moment since the sample before; a sensor's fault is in the very next reading, a component's in its effects. */
+static void begin_couples(const Bank *bank, const Trail *trail, int64_t onset, const Normal *normal, Job *job, StepMemory *steps,
+                          SlotMemory *memory, Filters *filters)
+{
+    double early[FB_ROOM(N_STATES)][GROUP], *sample = memory->sample, *healthy = steps->healthy;
+    memset(&job->walk, 0, sizeof job->walk);
+    bank_sample(sample_at(trail, onset), sample);
+    for (int64_t j = 0; j < N_OUTPUTS; j++) sample[SAMPLE_USE + j] = 0.0;
+    fill_couples(bank, trail, onset, before_onset(trail, onset), job, steps, memory);
+    for (int part = 0; part < GROUP; part += FB_LANES) {
+        for (int64_t i = 0; i < WIDE_NUMBERS; i++) filters->wide.lane[i] = load(job->run[i] + part);
+        step_wide(filters->wide.lane, sample, normal, &filters->wide);
+        for (int64_t i = 0; i < N_STATES; i++) store(early[i] + part, filters->wide.lane[i]);
+    }
+    memcpy(healthy, before_onset(trail, onset), sizeof steps->healthy);
+    advance_one(healthy, sample, normal, NULL, &filters->plain);
+    fill_couples(bank, trail, onset, healthy, job, steps, memory);
+    for (int l = 0; l < GROUP; l++) {
+        double half[FB_ROOM(N_STATES)];
+        for (int i = 0; i < N_STATES; i++) {
+            half[i] = 0.5 * (early[i][l] - job->run[i][l]);
+            if (!isfinite(half[i])) half[i] = 0.0;
+            job->run[i][l] += half[i];
+        }
+        for (int i = 0; i < N_STATES; i++)
+            for (int j = i; j < N_STATES; j++) job->run[WIDE_PLACE(i, j)][l] += half[i] * half[j];
     }
 }
 

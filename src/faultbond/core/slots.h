@@ -253,14 +253,15 @@ static void step_wide(lanes *lane, const double *sample, const Normal *normal, F
 }
 
 /* Take samples of the trail, or after it, from one place up to another into a group of wide lanes. walk: of sizes, from
-   place `onset` on; NULL: none walks. */
+   place `onset` on; NULL: none walks. standing: the place at which they stand already; -1: none. */
 static void run_slots(double (*block)[GROUP], const Trail *trail, int64_t from, int64_t end, int64_t onset, const Walk *walk,
-                      const Normal *normal, double *sample, Filter_wide *filter)
+                      int64_t standing, const Normal *normal, double *sample, Filter_wide *filter)
 {
     for (int part = 0; part < GROUP; part += FB_LANES) {
         for (int64_t i = 0; i < WIDE_NUMBERS; i++) filter->lane[i] = load(block[i] + part);
         for (int64_t place = from; place < end; place++) {
             bank_sample(sample_at(trail, place), sample);
+            if (place == standing) stand_at(sample);
             if (walk) walk_on(walk, place - onset, part, filter->lane);
             step_wide(filter->lane, sample, normal, filter);
         }

@@ -163,11 +163,7 @@ static void run_steps(double (*group)[GROUP], const Trail *trail, int64_t from, 
         for (int64_t k = 0; k < PLAIN_NUMBERS; k++) work->lane[k] = load(group[k] + part);
         for (int64_t place = from; place < end; place++) {
             bank_sample(sample_at(trail, place), sample);
-            if (place == onset) { /* no time passes before it */
-                sample[SAMPLE_DT] = 0.0;
-                for (int64_t k = 0; k < N_SLOW; k++) sample[SAMPLE_KICK + k] = 0.0;
-                for (int64_t i = 0; i < N_STATES; i++) sample[SAMPLE_GAP + i] = 0.0;
-            }
+            if (place == onset) stand_at(sample);
             if (moving) drift_on(normal, sample[SAMPLE_DT], work->lane, PLAIN_JOINT);
             filter_step_plain(work->lane, sample, work->innovations, work);
         }

@@ -55,6 +55,14 @@ static void bank_sample(const double *packed, double *sample)
     sample[SAMPLE_BOUND] = BANK_BOUND;
 }
 
+/* Let no time pass before a sample: lanes stand there already. */
+static void stand_at(double *sample)
+{
+    sample[SAMPLE_DT] = 0.0;
+    for (int64_t k = 0; k < N_SLOW; k++) sample[SAMPLE_KICK + k] = 0.0;
+    for (int64_t i = 0; i < N_STATES; i++) sample[SAMPLE_GAP + i] = 0.0;
+}
+
 FB_SELDOM
 
 /* Begin the slow errors of a plain lane anew, as where its parameters are those of another time. */

@@ -324,7 +324,7 @@ static void begin_onset(State *state, const Trail *trail, int64_t k, BankMemory 
     if (job->stage == RAMPS) {
         begin_ramps(job->lane, trail, place, job->peak, job->run, job->stays, &memory->slots);
     } else if (job->stage == COUPLES) {
-        begin_couples(&state->bank, trail, place, job, memory->steps.later, memory->steps.lane, &memory->slots);
+        begin_couples(&state->bank, trail, place, &state->normal, job, &memory->steps, &memory->slots, filters);
     } else if (job->stage == SLOTS && place == 0 && trail->beginning) {
         begin_at_first(job->lane, trail, job->peak, &state->clock, &state->normal, job->run, &job->walk, &memory->slots, &memory->first,
                        &filters->plain);
@@ -586,8 +586,8 @@ static int64_t run_group(State *state, const Trail *trail, int64_t most, BankMem
     else if (job->stage == PAIRS)
         run_pairs(job->run, job->best, trail, from, from + n, &state->normal, &filters->wide, &memory->slots);
     else if (is_wide(job))
-        run_slots(job->run, trail, from, from + n, onset, job->pass == CATCHING_UP ? NULL : &job->walk, &state->normal,
-                  memory->slots.sample, &filters->wide);
+        run_slots(job->run, trail, from, from + n, onset, job->pass == CATCHING_UP ? NULL : &job->walk,
+                  job->stage == COUPLES && job->pass != CATCHING_UP ? onset : -1, &state->normal, memory->slots.sample, &filters->wide);
     else
         run_steps(job->run, trail, from, from + n, onset, &state->normal, memory->steps.sample, &filters->plain);
     job->next += n;

@@ -108,8 +108,8 @@ void t_begin_at(int64_t onset, const double *peak, double *to)
         int64_t lane[GROUP];
         for (int64_t l = 0; l < GROUP; l++) lane[l] = first + l < RAMPED ? first + l : first;
         begin_slots(lane, NULL, &trail, onset, peak, state.job.run, &state.job.walk, &work.bank.slots);
-        run_slots(state.job.run, &trail, onset, trail.n, onset, &state.job.walk, &state.normal, work.bank.slots.sample,
-                  &work.filters.wide);
+        run_slots(state.job.run, &trail, onset, trail.n, onset, &state.job.walk, -1, &state.normal,
+                  work.bank.slots.sample, &work.filters.wide);
         for (int64_t l = 0; l < GROUP && first + l < RAMPED; l++)
             for (int64_t i = 0; i < WIDE_NUMBERS; i++) to[i * RAMPED + first + l] = state.job.run[i][l];
     }
