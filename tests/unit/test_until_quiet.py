@@ -357,6 +357,38 @@ def test_a_fit_finds_what_rows_hold(tmp_path: Path, model: Path) -> None:
     assert new.parameter("R").nominal == pytest.approx(R, rel=0.03)
 
 
+@pytest.mark.parametrize(("trained", "kept"), [(-700.0, True), (-1003.0, False)])
+def test_what_rows_hold_is_asked_of_all_inputs_at_once(
+    trained: float, monkeypatch: pytest.MonkeyPatch, *, kept: bool
+) -> None:
+    """By the recordings that are fitted, as it has no number of its own; asked once where that is in vain."""
+    late = [Imperfection(kind=Kind.NEXT, place=name) for name in ("speed", "valve")]
+    linear = Imperfection(kind=Kind.HOLD, place="air")
+    stand = Footing(graph=cast("Any", None), values={}, starts={}, trained=-1000.0, held=-900.0)
+    added = tuple(Added(what=item, trained=300.0, held=-50.0) for item in late)
+    there = replace(stand, trained=trained, held=-950.0, added=added)  # surer, so that it foretells others worse
+    search = bare_search()
+    search.all, search.trained = SimpleNamespace(model=SimpleNamespace(direct=())), ()  # type: ignore[assignment]
+    tried: list[tuple[Imperfection, ...]] = []
+
+    def climbed(_: Footing, *more: Imperfection) -> Footing:
+        tried.append(more)
+        return there
+
+    monkeypatch.setattr(further, "other_holds", lambda *_: [late[0], linear, late[1]])
+    monkeypatch.setattr(search, "ground_with", lambda *_: SimpleNamespace(climbed=climbed), raising=False)
+    found = further.held_until(search, stand)
+    assert tried == [tuple(late)]
+    if not kept:
+        assert found is None
+        assert further.held_until(search, stand) is None
+        assert len(tried) == 1
+        return
+    assert found is not None
+    assert [item.what for item in found.added] == late
+    assert [(item.trained, item.held) for item in found.added] == [(300.0, -50.0), (0.0, 0.0)]
+
+
 def bare_search() -> Search:
     """Give a search that knows no recordings, for tests of what it chooses."""
     search = Search.__new__(Search)

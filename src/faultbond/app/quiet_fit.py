@@ -14,9 +14,10 @@ from faultbond.app.signals import stop_of
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
+from faultbond.fit.ascent import Ending
 from faultbond.fit.cure import Cure, cured, strayed
 from faultbond.fit.foothold import Footing, as_found, values_of
-from faultbond.fit.further import better
+from faultbond.fit.further import better, held_until
 from faultbond.fit.healthy_changes import healthy_changes
 from faultbond.fit.held_back import Recordings, parted
 from faultbond.fit.identification import Fit, Halted, Prior, fit_plant
@@ -48,6 +49,7 @@ SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a st
 PATIENCE = 60.0  # s of a processor for the smallest faults of a model; usual plants take 2 to 10
 SPARE = 1.05  # times what it takes: a wider accuracy lets a parameter move a little farther
 LOWERED = (1.0, 0.5, 0.25)  # parts of the way to what recordings say of slow errors, as ratios, that are tried
+COARSE = 1e-4  # part of what a climb of the first fit has gained: no model is right in which something is missing
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 
 Smallest = tuple[SmallestFault, ...]
@@ -160,7 +162,7 @@ def _steps(
             prior=Prior(wishes.prior),
             starts=wishes.starts,
             agreeing=AGREEING,
-            settled=SETTLED,
+            ending=Ending(SETTLED, COARSE),
             seed=wishes.seed,
             tell=tell,
         )
@@ -249,14 +251,21 @@ def _searched(
             better = _next(search, stand, asked)
         if better is None:
             break
-        new, gain = better.added[len(stand.added) :], better.held - stand.held
-        tell(f"added: {', '.join(item.what.words for item in new)}; what was held back gains {gain:.0f} nats")
+        tell(f"added: {_added_words(stand, better)}")
         stand, tried = search.lasting(better), None
         now = replace(now, added=stand.added, rounds=rounds + 1)
         yield partial(_as_it_stands, stand, now, text, graph, prior)
     if tried is not None:
         return tried, now
     return (yield from _attempt(stand, now, text, graph, read, wishes, search.believed, tell))
+
+
+def _added_words(stand: Footing, better: Footing) -> str:
+    """Say what was added, and by what that was judged, with its gain."""
+    new = ", ".join(item.what.words for item in better.added[len(stand.added) :])
+    if (gain := better.held - stand.held) > 0.0:
+        return f"{new}; what was held back gains {gain:.0f} nats"
+    return f"{new}; what is fitted gains {better.trained - stand.trained:.0f} nats"
 
 
 def _as_it_stands(stand: Footing, now: Quieted, text: str, graph: BondGraph, prior: Prior) -> Quieted:
@@ -284,10 +293,12 @@ def _further(graph: BondGraph, stated: BondGraph) -> frozenset[str]:
 
 
 def _next(search: Search, stand: Footing, asked: dict[str, float]) -> Footing | None:
-    """Give where the next thing leads: what explains why parameters stray, a law's offset, else what foretells best.
+    """Give where the next thing leads: what rows hold, what explains why parameters stray, else what foretells best.
 
     What was asked for with parameters kept from straying would mostly be found again with them let go.
     """
+    if (rows := held_until(search, stand)) is not None:
+        return rows
     cure = _cured(search, stand, asked)
     return (
         cure.kept
@@ -349,7 +360,7 @@ def _attempt(
         prior=Prior(wishes.prior),
         believed=believed,
         starts=1,
-        settled=SETTLED,
+        ending=Ending(SETTLED),
         shaken=False,  # the search has climbed there
         seed=wishes.seed,
         tell=lambda step: tell(f"{what}: {step}"),

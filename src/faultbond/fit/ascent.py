@@ -38,6 +38,22 @@ SHORT = 6  # steps from each
 SHAKEN = 0.3  # standard errors by which they are away
 NEAR = 30.0  # nats below, from where it is worth to climb
 WORTH = 0.05  # nats; less is no higher place
+LATELY = 4  # steps, as much as which all that are left are taken to bring at most
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """When a climb ends: where its next step would bring less than `nats`, or than `part` of what it has gained."""
+
+    nats: float = SETTLED
+    part: float = 0.0
+
+    def least(self, gained: float, nats: float) -> float:
+        """Give what is worth a step, in nats, of what it takes anyway."""
+        return max(nats, self.part * gained)
+
+
+TO_THE_TOP = Ending()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,7 +61,7 @@ class Summit:
     """Where a climb ended.
 
     posterior: logarithm of likelihood and prior; precision (m, m): information and prior; settled: whether it stands
-    still; steps: evaluations used.
+    still; steps: evaluations used; course: posteriors after each step of the climb as the slope leads.
     """
 
     point: FitPoint
@@ -54,6 +70,12 @@ class Summit:
     precision: FloatArray
     settled: bool
     steps: int
+    course: tuple[float, ...] = ()
+
+    @property
+    def gained(self) -> float:
+        """Nats since the climb began."""
+        return self.posterior - self.course[0] if self.course else 0.0
 
 
 def ascend(
@@ -64,8 +86,8 @@ def ascend(
     *,
     anchor: FloatArray | None = None,
     turns: int | None = None,
-    settled: float = SETTLED,
-    part: float = 0.0,
+    ending: Ending = TO_THE_TOP,
+    rival: Summit | None = None,
     tell: Callable[[str], None] = lambda step: None,
 ) -> Summit:
     """Climb from a point.
@@ -80,17 +102,18 @@ def ascend(
     prior : sd of each unknown about its nominal value, (n,)
     anchor : (n_records, n_own), what was known of what recordings have for themselves; None: as at `begin`
     turns : steps at most, from `begin` alone; None: as many as it takes, and from places around where it is stuck
-    settled : nats that the next step would still bring where a climb ends
-    part : of what the climb has gained by then, that the next step may bring as well where it ends
+    ending : what a further step, and a place around, has to bring
+    rival : another climb: this one ends, too, where it is behind that after as many steps, and would stay below its end
+        if all steps that are left brought as much as the last few
     tell : takes which step of how many comes, and what those before it have gained
     """
     hill = _Hill(plant, records, begin.starts if anchor is None else anchor, prior, tell)
-    hill.part = part
     now = hill.at(begin)
     hill.foot = now.posterior
-    now = _straight(hill, now, TURNS if turns is None else turns, settled)
+    now = _straight(hill, now, TURNS if turns is None else turns, ending, rival=rival)
     if turns is not None:
         return replace(now, steps=hill.calls)
+    course = now.course
     rng = np.random.default_rng(len(prior))
     for shake in range(SHAKES):
         if now.settled or not np.isfinite(now.posterior):
@@ -100,25 +123,28 @@ def ascend(
             trial = hill.at(hill.moved(now.point, hill.random_move(now, rng)))
             if trial.posterior > now.posterior - NEAR:
                 around = f" from place {shake * PLACES + place + 1} of at most {SHAKES * PLACES} around"
-                trial = _straight(hill, trial, SHORT, settled, around)
+                trial = _straight(hill, trial, SHORT, ending, around)
             best = max(best, trial, key=lambda item: item.posterior)
-        worse = best.posterior - now.posterior < WORTH
-        now = replace(best if worse else _straight(hill, best, TURNS, settled), settled=worse)
-    return replace(now, steps=hill.calls)
+        worse = best.posterior - now.posterior < ending.least(now.posterior - hill.foot, WORTH)
+        now = replace(best if worse else _straight(hill, best, TURNS, ending), settled=worse)
+    return replace(now, steps=hill.calls, course=course)
 
 
-def _straight(hill: "_Hill", now: Summit, most: int, settled: float, begun: str = "") -> Summit:
-    """Climb as the slope leads, so many steps at most, until a step would bring less than `settled` nats.
+def _straight(
+    hill: "_Hill", now: Summit, most: int, ending: Ending, begun: str = "", rival: Summit | None = None
+) -> Summit:
+    """Climb as the slope leads, so many steps at most, until a step would bring too little.
 
     begun : says where, for who is told of the steps
     """
-    damping, seen, idle = 1e-3, list[tuple[FloatArray, FloatArray]](), 0
+    heights = [now.posterior]
+    damping, seen, idle, settled = 1e-3, list[tuple[FloatArray, FloatArray]](), 0, 0.0
     for turn in range(most):
-        if not np.isfinite(now.posterior) or idle >= IDLE:
+        if not np.isfinite(now.posterior) or idle >= IDLE or _stays_behind(heights, most - turn, rival):
             break
         hill.tell(f"{turn + 1} of at most {most}{begun}, {now.posterior - hill.foot:.0f} nats gained")
         slope, damping, precision = hill.slope(now), min(damping, STIFF), as_bent(now.precision, seen)
-        settled = max(settled, hill.part * (now.posterior - hill.foot))
+        settled = max(settled, ending.least(now.posterior - hill.foot, ending.nats))
         free = ~hill.held(now, slope)
         for attempt in range(PATIENCE):
             move, promise = hill.move(precision, slope, free, damping)
@@ -126,7 +152,7 @@ def _straight(hill: "_Hill", now: Summit, most: int, settled: float, begun: str 
                 damping = LEAST_DAMPING
                 move, promise = hill.move(precision, slope, free, damping)
             if promise <= settled and damping <= SOFT:
-                return replace(now, settled=True)
+                return replace(now, settled=True, course=tuple(heights))
             point = hill.moved(now.point, move)
             if attempt == 0 or hill.height(point) > now.posterior:  # slopes cost several times as much as the height
                 trial = hill.at(point)
@@ -146,7 +172,17 @@ def _straight(hill: "_Hill", now: Summit, most: int, settled: float, begun: str 
         parabola = abs(0.5 * float(moved @ (slope + after)) - gain) <= BENT * gain
         seen = [*seen[1 - STEPS_SEEN :], (moved, slope - after)] if parabola else []
         now = trial
-    return replace(now, settled=False)
+        heights.append(now.posterior)
+    return replace(now, settled=False, course=tuple(heights))
+
+
+def _stays_behind(heights: Sequence[float], left: int, rival: Summit | None) -> bool:
+    """Tell whether a climb is behind another one, and stays so if each step that is left brings as much as the last."""
+    if rival is None or len(heights) <= LATELY:
+        return False
+    lately = (heights[-1] - heights[-1 - LATELY]) / LATELY
+    then = rival.course[min(len(heights), len(rival.course)) - 1]
+    return heights[-1] < then and heights[-1] + left * lately < rival.posterior
 
 
 def as_bent(precision: FloatArray, seen: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
@@ -173,7 +209,7 @@ class _Hill:
         prior: FloatArray,
         tell: Callable[[str], None],
     ) -> None:
-        self.tell, self.foot, self.part = tell, 0.0, 0.0  # foot: where the climb begins; part: see `ascend`
+        self.tell, self.foot = tell, 0.0  # foot: where the climb begins
         self.plant, self.records, self.anchor = plant, records, anchor
         self.n, self.calls = len(prior), 0
         n_own = anchor.size

@@ -68,6 +68,26 @@ def better(search: Search, stand: Footing) -> Footing | None:
     return alone if alone.held - stand.held >= WORTH else None  # it may have gained by other values of parameters
 
 
+def held_until(search: Search, stand: Footing) -> Footing | None:
+    """Give where it leads that rows hold what acted until then, where sensors move in the very row of an input.
+
+    That is a logger's doing, so it is asked before what the plant may lack, and of all such inputs together. It has no
+    number of its own, so it is judged by the recordings that are fitted: while much is missing, a model that
+    fits them better is surer, and foretells others worse. None: nothing looks so, or that is no better.
+    """
+    seen = other_holds(stand, search.trained, search.all.model.direct)
+    early = [item for item in seen if item.kind is Kind.NEXT and item.key not in search.refused]
+    if not early:
+        return None
+    search.tell(f"fitting {', '.join(item.words for item in early)}, since sensors move in the very row")
+    found = search.ground_with(stand, early).climbed(stand, *early)
+    if not found.trained - stand.trained >= FEWEST:
+        search.refused |= dict.fromkeys((item.key for item in early), HINT)
+        return None
+    first, *others = found.added[len(stand.added) :]
+    return replace(found, added=(*stand.added, first, *(replace(item, trained=0.0, held=0.0) for item in others)))
+
+
 def powers_beside(stand: Footing, items: Sequence[Imperfection]) -> list[Imperfection]:
     """Give the powers that are fitted with bows, over the same: nobody knows where these have their ends."""
     powers = (power_of(item) for item in items if item.kind is Kind.BOW)

@@ -493,8 +493,8 @@ def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:
         number = words = ""
     stages = f" in {item.what.order} stages" if item.what.order > 1 else ""
     gains = tuple(f"{gain:+.0f}".replace("-", MINUS) for gain in (item.trained, item.held))
-    if item.what.kind is Kind.CURVE and not item.trained and not item.held:
-        gains = "with its bow", ""
+    if not item.trained and not item.held:
+        gains = "with its bow" if item.what.kind is Kind.CURVE else "with the one above", ""
     return (
         item.what.kind.value + stages,
         item.what.key[1],

@@ -1,5 +1,6 @@
 """The climb to the most probable values."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from faultbond.fit import ascent
-from faultbond.fit.ascent import as_bent, ascend
+from faultbond.fit.ascent import Ending, as_bent, ascend
 from faultbond.fit.objective import Evaluation, FitPoint, FittedPlant
 
 
@@ -63,7 +64,7 @@ def test_a_climb_ends_after_two_steps_that_bring_nothing(
 
     monkeypatch.setattr(ascent, "evaluate_likelihood", folded)
     plant, begin = one_unknown()
-    summit = ascend(plant, (), begin, np.full(1, 1e9), turns=len(heights) - 1, settled=0.2)
+    summit = ascend(plant, (), begin, np.full(1, 1e9), turns=len(heights) - 1, ending=Ending(0.2))
     assert (summit.steps, summit.settled) == (1 + steps, False)
     assert summit.posterior == pytest.approx(heights[steps])
 
@@ -82,9 +83,37 @@ def test_a_climb_that_compares_ends_near_its_summit(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(ascent, "as_bent", lambda precision, _: precision * 2.0)
     plant, begin = one_unknown()
     for top in (1000.0, 1.0):
-        summit = ascend(plant, (), begin, np.full(1, 1e9), turns=50, settled=0.2, part=part)
+        summit = ascend(plant, (), begin, np.full(1, 1e9), turns=50, ending=Ending(0.2, part))
         below = top - summit.posterior
         assert summit.settled
         assert below < 8.0 * max(0.2, left * top / 1000.0)
         if top * part > 0.2:
             assert below > left / 8.0
+
+
+@pytest.mark.parametrize(
+    ("top", "ahead", "ends_early"), [(990.0, True, False), (1100.0, True, True), (1100.0, False, False)]
+)
+def test_a_climb_that_stays_behind_another_one_ends(
+    monkeypatch: pytest.MonkeyPatch, top: float, *, ahead: bool, ends_early: bool
+) -> None:
+    """One to 1000 nats of which each step brings half of what is left: at first it seems to lead to any height.
+
+    ahead : whether the other one is at each step
+    """
+
+    def steep(_plant: object, _records: object, point: FitPoint) -> Evaluation:
+        left = 1.0 - float(point.values[0])
+        return Evaluation(value=1000.0 * (1.0 - left**2), score=np.full(1, 1000.0 * left), information=np.eye(1) * 1e3)
+
+    monkeypatch.setattr(ascent, "evaluate_likelihood", steep)
+    monkeypatch.setattr(ascent, "as_bent", lambda precision, _: precision * 2.0)
+    plant, begin = one_unknown()
+    whole = ascend(plant, (), begin, np.full(1, 1e9), turns=50)
+    assert whole.settled
+    assert whole.gained == pytest.approx(1000.0, abs=0.1)
+    rival = replace(whole, posterior=top, course=(whole.course[0] + (2000.0 if ahead else -1.0),))
+    summit = ascend(plant, (), begin, np.full(1, 1e9), turns=50, rival=rival)
+    assert summit.settled is not ends_early
+    assert (summit.steps < whole.steps) is ends_early
+    assert summit.steps > ascent.LATELY

@@ -18,10 +18,10 @@ from faultbond.app.likelihood import likelihood_engine
 from faultbond.app.quiet_fit import _next
 from faultbond.cli import DONE, main
 from faultbond.fit import cure, identification
-from faultbond.fit.ascent import Summit, ascend
+from faultbond.fit.ascent import TURNS, Summit, ascend
 from faultbond.fit.cure import Cure, cured, strayed
 from faultbond.fit.foothold import Added, Footing
-from faultbond.fit.identification import Fit, fit_plant
+from faultbond.fit.identification import Fit, Prior, fit_plant
 from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
 from faultbond.fit.outcome import estimates_of
 from faultbond.fit.quiet_search import FEWEST, WORTH, Search
@@ -252,7 +252,7 @@ def test_what_is_missing_is_kept_where_it_explains_as_much(
 
 
 def test_each_is_asked_first_and_once_more_at_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What strays whatever is added is not asked again round by round; a law's offset is, before all else is.
+    """What strays whatever is added is not asked again round by round; what rows hold, and a law's offset, is, first.
 
     Where nothing else gains it is asked once more, if something was added since: that may have hidden what is missing.
     """
@@ -260,7 +260,7 @@ def test_each_is_asked_first_and_once_more_at_the_end(monkeypatch: pytest.Monkey
     calls: list[str] = []
     monkeypatch.setattr("faultbond.app.quiet_fit.strayed", lambda *_: frozenset({"R"}))
     graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
-    answers: dict[str, object] = {"cured": Cure(), "centred": None, "better": None}
+    answers: dict[str, object] = {"held_until": None, "cured": Cure(), "centred": None, "better": None}
 
     def answer(name: str, *_: object) -> object:
         calls.append(name)
@@ -272,7 +272,13 @@ def test_each_is_asked_first_and_once_more_at_the_end(monkeypatch: pytest.Monkey
     for added in ((), (), (lag,), (lag,)):
         stand = Footing(graph=graph, values={}, starts={}, added=added)
         assert _next(cast(Search, None), stand, asked) is None
-    assert calls == [*("cured", "centred", "better"), *("centred", "better") * 2, "cured", *("centred", "better")]
+    usual = ("centred", "better")
+    assert calls == [
+        *("held_until", "cured", *usual),
+        *("held_until", *usual),
+        *("held_until", *usual, "cured"),
+        *("held_until", *usual),
+    ]
     calls.clear()
     kept, let_go, centred = (Footing(graph=graph, values={}, starts={}) for _ in range(3))
     answers |= {"cured": Cure(let_go=let_go)}  # what would be found again is not asked for again
@@ -281,7 +287,10 @@ def test_each_is_asked_first_and_once_more_at_the_end(monkeypatch: pytest.Monkey
     assert _next(cast(Search, None), stand, {}) is centred
     answers |= {"cured": Cure(kept=kept)}
     assert _next(cast(Search, None), stand, {}) is kept
-    assert calls == ["cured", "centred"] * 2 + ["cured"]
+    rows = Footing(graph=graph, values={}, starts={})
+    answers |= {"held_until": rows}
+    assert _next(cast(Search, None), stand, {}) is rows
+    assert calls == [*("held_until", "cured", "centred") * 2, "held_until", "cured", "held_until"]
 
 
 BLOCKS = """
@@ -392,3 +401,23 @@ def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest
     for _ in quiet_fit._searched(cast(Any, search), stand, now, "", graph, (), cast(Any, wishes), lambda _: None):
         pass
     assert on_trial == [more]
+
+
+def test_only_the_best_start_goes_on_from_places_around(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where all are stuck another one may lead higher by far, so none of them is worth what places around cost."""
+    graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
+    core, model = build_watcher(graph), build_model(graph)
+    read = [("a", read_points(graph, str(recording)))]
+    plant, records, begin = build_fit(model, likelihood_engine(model), core, read, free_parameters(graph))
+    climb, climbs = ascend, list[tuple[object, float]]()
+
+    def stuck(*words: Any, **options: Any) -> Summit:
+        found = climb(*words, **options)
+        climbs.append((options.get("turns"), found.posterior))
+        return replace(found, settled=False)
+
+    monkeypatch.setattr(identification, "ascend", stuck)
+    fit_plant(plant, records, begin, starts=3, prior=Prior.NONE)
+    turns, heights = zip(*climbs, strict=True)
+    assert turns[:4] == (TURNS, TURNS, TURNS, None)
+    assert heights[3] >= max(heights[:3])
