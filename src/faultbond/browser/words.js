@@ -60,7 +60,7 @@ function rateText(unit, item) {
 
 function courseText(item) {
   const took = Math.max(item.ended - item.began, 0);
-  return `in ${durationText(took, 2)} up to ${coarseClockText(item.ended, took)}, and has stayed there since`;
+  return `in about ${durationText(took, 2)} up to about ${coarseClockText(item.ended, took)}, and has stayed there since`;
 }
 
 // What is wrong with a sensor or an input.
@@ -137,7 +137,8 @@ const hasWalked = (diagnosis) => diagnosis.mismatch > MODEL.falseAlarms / (MODEL
 const knownAlarms = () => `it is known to alarm on healthy data (\`false_alarms: ${MODEL.falseAlarms}\`)`;
 
 function supersededSentence(before) {
-  return `Up to ${clockText(before.until)} ${joined(before.components)} was sure to be at fault, and does not explain what came then. ` +
+  const [was, does] = before.components.length > 1 ? ["were", "do"] : ["was", "does"];
+  return `Up to ${clockText(before.until)} ${joined(before.components)} ${was} sure to be at fault, and ${does} not explain what came then. ` +
     "Either something else changed besides, or that was wrong: no fault is claimed. Faults that come one after the other are told " +
     "one by one where the first is accepted, as `--accept auto` does.";
 }
@@ -246,7 +247,7 @@ function mismatchText(diagnosis) {
 // What may be true beside the candidates.
 function besideText(diagnosis) {
   const told = [], left = diagnosis.untested;
-  if (diagnosis.mismatch) told.push(mismatchText(diagnosis));
+  if (diagnosis.mismatch && !diagnosis.unexplained) told.push(mismatchText(diagnosis));
   if (diagnosis.within_accuracy >= NEGLIGIBLE && !diagnosis.unexplained)
     told.push(`With ${probabilityText(diagnosis.within_accuracy)}${NO_BREAK}% nothing that is tested changed by more than it may while healthy: ${EVENLY}`);
   if (left && left.sets)

@@ -65,8 +65,9 @@ def known_alarms(graph: BondGraph) -> str:
 def superseded_sentence(before: Superseded) -> str:
     """Say that something else was sure before, what that may mean, and how faults are found that come one by one."""
     what, until = join(before.components), clock_text(before.until)
+    was, does = ("were", "do") if len(before.components) > 1 else ("was", "does")
     return (
-        f"Up to {until} {what} was sure to be at fault, and does not explain what came then. Either something else "
+        f"Up to {until} {what} {was} sure to be at fault, and {does} not explain what came then. Either something else "
         "changed besides, or that was wrong: no fault is claimed. Faults that come one after the other are told one by "
         "one where the first is accepted, as `--accept auto` does."
     )
@@ -197,10 +198,11 @@ def beside(diagnosis: Diagnosis) -> str:
 def mismatch_sentence(diagnosis: Diagnosis) -> str:
     """Say how likely it is that the model is off, beside the percentages of sets; empty where nothing tells of that.
 
-    And how likely the first is if the model is right, which those percentages hide.
+    And how likely the first is if the model is right, which those percentages hide. Where nothing explains the data no
+    percentages are shown.
     """
     off = diagnosis.mismatch
-    if not off:
+    if not off or diagnosis.unexplained is not None:
         return ""
     what = "the model is off" if diagnosis.superseded is None else "more changed, later, or the model is off"
     told = f"With {probability_text(off)} % {what}: {EVENLY}"

@@ -172,7 +172,8 @@ def _course(suspect: Suspect) -> str:
     """Say over which time a ramp went, and that it has ended."""
     began, ended = suspect.began or 0.0, suspect.ended or 0.0
     took = max(ended - began, 0.0)
-    return f"in {duration_text(took, digits=2)} up to {coarse_clock_text(ended, took)}, and has stayed there since"
+    when = f"in about {duration_text(took, digits=2)} up to about {coarse_clock_text(ended, took)}"
+    return f"{when}, and has stayed there since"
 
 
 def _named(told: str, signal: str) -> str:

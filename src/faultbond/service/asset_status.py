@@ -115,7 +115,9 @@ def diagnosis_line(graph: BondGraph, diagnosis: Diagnosis) -> str:
     if diagnosis.unexplained is not None:
         return f"no fault of the model explains it; nearest comes {told}."
     if diagnosis.superseded is not None:
-        return f"{join(diagnosis.superseded.components)} was sure before, so more may have changed; else {told}."
+        before = diagnosis.superseded.components
+        was = "were" if len(before) > 1 else "was"
+        return f"{join(before)} {was} sure before, so more may have changed; else {told}."
     if diagnosis.mismatch >= LIKELY:
         return f"most likely the model is off; else {told}."
     if diagnosis.within_accuracy > LIKELY:

@@ -95,16 +95,17 @@ def test_a_ramp_that_has_ended() -> None:
     """From what to what, over which time, and that it has stopped; of an instrument too."""
     pipe, valve = suspect(GRAPH, "K2", 1.5, 0.02), wrong("u_in.bias", 0.0, -4.5, 0.4)
     assert said(replace(pipe, began=1502.2, ended=1560.4), FaultKind.RAMP) == (
-        "K2 rose from 5.08e11 to 7.62e11 Pa*s^2/m^6 (+50 %) in 58 s up to 1560 s, and has stayed there since"
+        "K2 rose from 5.08e11 to 7.62e11 Pa*s^2/m^6 (+50 %) in about 58 s up to about 1560 s, and has stayed there "
+        "since"
     )
     gain = replace(wrong("flow.gain", 1.0, 1.1, 0.005), began=1502.2, ended=1560.4)
     assert said(gain, FaultKind.RAMP) == (
-        "it reads 1.100 times the right value (gain, +10.0 %); it came to that in 58 s up to 1560 s, and has stayed "
-        "there since"
+        "it reads 1.100 times the right value (gain, +10.0 %); it came to that in about 58 s up to about 1560 s, and "
+        "has stayed there since"
     )
     assert said(replace(valve, began=1502.2, ended=1560.4), FaultKind.RAMP) == (
-        "it acts 4.5 percent below what is recorded (bias); it came to that in 58 s up to 1560 s, and has stayed there "
-        "since"
+        "it acts 4.5 percent below what is recorded (bias); it came to that in about 58 s up to about 1560 s, "
+        "and has stayed there since"
     )
 
 

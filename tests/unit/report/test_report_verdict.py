@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from fake import counts_of, kind_of, moving, suspect, tank_graph, tank_history, with_last, wrong
-from faultbond.contract.findings import Candidate, Diagnosis, History, Suspect, Unexplained, Walk
+from faultbond.contract.findings import Candidate, Diagnosis, History, Superseded, Suspect, Unexplained, Walk
 from faultbond.io.examples import example
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.model.text import parse_model
 from faultbond.report.numbers import Notation
-from faultbond.report.reservations import course_sentences, mismatch_sentence
+from faultbond.report.reservations import course_sentences, mismatch_sentence, superseded_sentence
 from faultbond.report.suspects import UNDETERMINED, unit_of
 from faultbond.report.verdict import (
     RunCounts,
@@ -238,6 +238,16 @@ def test_a_model_that_is_off_is_told_with_its_cure(history: History) -> None:
     both = (replace(best, probability=0.53), replace(best, probability=0.47))
     left = mismatch_sentence(replace(diagnosis, mismatch=0.9, candidates=both))
     assert left == f"With 90.0 % the model is off: {evenly} If it is right after all, the first is at 80.0 %."
+    nowhere = Unexplained(signal="flow", sd=2.0, since=0.0, until=1.0)  # then no percentages are shown
+    assert mismatch_sentence(replace(diagnosis, mismatch=0.9, candidates=both, unexplained=nowhere)) == ""
+
+
+@pytest.mark.parametrize(("names", "said"), [(("pipe",), "pipe was"), (("pump", "leak"), "pump and leak were")])
+def test_what_is_superseded_is_told_in_the_right_number(names: tuple[str, ...], said: str) -> None:
+    """Of one part, and of two."""
+    does = "does" if len(names) == 1 else "do"
+    told = superseded_sentence(Superseded(components=names, until=12.0))
+    assert told.startswith(f"Up to 12 s {said} sure to be at fault, and {does} not explain what came then.")
 
 
 @pytest.mark.parametrize("walker", ["", "K1"])
