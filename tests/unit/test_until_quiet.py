@@ -168,6 +168,31 @@ def test_what_data_do_not_show_is_told_before_the_search(fixed: tuple[str, ...],
     assert all("stop here (Ctrl-C)" in text for text in heard)
 
 
+def test_where_a_parameter_seems_to_change_is_told_before_the_search(model: Path, tmp_path: Path) -> None:
+    """Who knows that the plant was not healthy there need not wait for a search that makes up for it."""
+    lines = write(tmp_path / "a.csv", seed=1).read_text().splitlines()
+    half = len(lines) // 2
+    column = lines[0].split(",").index("i")
+    rows = [line.split(",") for line in lines]
+    changed = [[*row[:column], repr(0.7 * float(row[column])), *row[column + 1 :]] for row in rows[half:]]
+    path = tmp_path / "b.csv"
+    path.write_text("\n".join(",".join(row) for row in (*rows[:half], *changed)) + "\n")
+    heard: list[str] = []
+
+    def tell(text: str) -> None:
+        if text == "putting the first model on trial":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        identification.identified(
+            str(model), (path, tmp_path / "a.csv"), wishes=FitWishes(until_quiet=True), tell=tell, warn=heard.append
+        )
+    (told,) = heard
+    assert told.startswith(("R seems to change about ", "L seems to change about "))
+    assert float(told.split(" about ")[1].split(" s")[0]) == pytest.approx(half * STEP, abs=1.0)
+    assert "If the plant was not healthy then, stop here (Ctrl-C)" in told
+
+
 @pytest.mark.usefixtures("no_sizes")
 def test_a_lag_is_found_where_it_is(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A sensor lags: that is added with its time constant, nothing else; noise is that of the sensor.

@@ -31,7 +31,7 @@ from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
 from faultbond.model.validity import without_states
 from faultbond.report.doubts import earlier_doubt
-from faultbond.report.fit_result import Fitted, fitted_model, not_shown
+from faultbond.report.fit_result import Fitted, fitted_model, not_shown, unsteady
 from faultbond.report.quiet_result import (
     Quieted,
     Resized,
@@ -173,6 +173,8 @@ def _steps(
     yield _known(now)
     for told in not_shown(now.fitted):
         warn(f"{told}. If you know one, stop here (Ctrl-C) and begin again: the search leaves that as it is")
+    for told in unsteady(now.fitted):
+        warn(f"{told}. If the plant was not healthy then, stop here (Ctrl-C) and leave that out")
     tell("putting the first model on trial")
     now = replace(now, before=on_trial(core, (*records, *records_held), promise, factors=()))
     search = Search(

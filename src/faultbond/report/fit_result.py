@@ -443,10 +443,9 @@ def remarks(fitted: Fitted) -> list[tuple[str, str]]:
     if fitted.found.changes:
         first = fitted.found.changes[0]
         names = join(list(dict.fromkeys(item.parameter for item in fitted.found.changes)))
-        where = f" of {Path(first.recording).name}" if len(fitted.found.records) > 1 else ""
         named = f"; most of all {first.parameter}" if names != first.parameter else ", most of all"
         question = "" if first.parameter in fitted.added else ". Is it healthy?"
-        told.append(("not steady", f"{names}{named} about {clock_text(first.time)}{where}{question}"))
+        told.append(("not steady", f"{names}{named} {_least_steady(fitted)}{question}"))
     told += under("wanders", [_wander_text(item, fitted.graph.lags) for item in fitted.wanders])
     moves = [f"{name} {size}" for name, size in fitted.declared_changes]
     if moves:
@@ -467,6 +466,17 @@ def _faint_texts(fitted: Fitted) -> list[str]:
         "declared decides. Name with --fixed what is known"
         for names, sd in faint_of(fitted.found)
     ]
+
+
+def _least_steady(fitted: Fitted) -> str:
+    """Say about when the parameter that stays least the same is another."""
+    first, many = fitted.found.changes[0], len(fitted.found.records) > 1
+    return f"about {clock_text(first.time)}{f' of {Path(first.recording).name}' if many else ''}"
+
+
+def unsteady(fitted: Fitted) -> list[str]:
+    """Say which parameter stays least the same, and where; nothing where all do."""
+    return [f"{item.parameter} seems to change {_least_steady(fitted)}" for item in fitted.found.changes[:1]]
 
 
 def not_shown(fitted: Fitted) -> list[str]:
