@@ -1,14 +1,14 @@
 """What is said against a verdict, or beside it: why no candidate is claimed, how sure the best is, what else may be."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.findings import Detection, Diagnosis, History, Superseded, Unexplained
 from faultbond.model.graph import BondGraph, Input
 from faultbond.report.numbers import certainty_text, clock_text, figure, join, probability_text, with_noun
 from faultbond.report.suspects import cure_of_walk
-from faultbond.types import TimeGrid
+from faultbond.types import FaultKind, TimeGrid
 
 NEGLIGIBLE = 0.001  # probability that is not worth a word
 CONTRADICTED = "The data contradict them all: their order tells which comes nearest, and none is likely."
@@ -91,10 +91,25 @@ def _not_asked(graph: BondGraph) -> Iterator[str]:
         yield f"More than {many} not tested (`max_faults: {graph.max_faults}`)."
     slow = [item for item in graph.inputs if item.suspect and _may_be_slow(graph, item)]
     if slow:
-        has = "has" if len(slow) == 1 else "have"
-        keys = join([f"`{key}`" for key in dict.fromkeys("rate_limit" if x.rate_limit else "lag" for x in slow)])
-        names = join([item.name for item in slow])
-        yield f"It was not tested whether {names} {has} become slower to act ({keys} with `suspect: yes`)."
+        yield f"{_not_asked_of(slow)}."
+
+
+def _not_asked_of(slow: Sequence[Input]) -> str:
+    """Say that it was not asked whether inputs have become slower, and how it is."""
+    has = "has" if len(slow) == 1 else "have"
+    keys = join([f"`{key}`" for key in dict.fromkeys("rate_limit" if x.rate_limit else "lag" for x in slow)])
+    names = join([item.name for item in slow])
+    return f"It was not tested whether {names} {has} become slower to act ({keys} with `suspect: yes`)"
+
+
+def _slow_sentence(graph: BondGraph, diagnosis: Diagnosis) -> str:
+    """Say that an input that is off at times may be a slow one: it is off after each of its moves, and right again."""
+    best = diagnosis.candidates[0]
+    at_fault = {item.component for item in best.suspects} if best.kind is FaultKind.INTERMITTENT else set()
+    slow = [item for item in graph.inputs if item.name in at_fault and _may_be_slow(graph, item)]
+    if not slow or diagnosis.mismatch or diagnosis.unexplained is not None:
+        return ""
+    return f"{_not_asked_of(slow)}, which is off after each move and right again."
 
 
 def _may_be_slow(graph: BondGraph, item: Input) -> bool:
@@ -139,7 +154,8 @@ def course_sentences(graph: BondGraph, history: History, diagnosis: Diagnosis | 
         return ()
     is_of_now = began in history.detections  # not of a run before this one
     early = _early_sentence(graph, diagnosis, began) if is_of_now else ""
-    told = early, _gone_sentence(diagnosis, began), _model_sentence(graph, diagnosis, began)
+    gone, slow = _gone_sentence(diagnosis, began), _slow_sentence(graph, diagnosis)
+    told = early, gone, slow, _model_sentence(graph, diagnosis, began)
     return tuple(filter(None, told))
 
 

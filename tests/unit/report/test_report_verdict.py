@@ -120,6 +120,27 @@ def test_what_none_explains_may_be_an_actuator_that_is_slow(u_in: str, u_out: st
     assert ("slower to act" in found) is bool(told)
 
 
+@pytest.mark.parametrize(
+    ("kind", "settling", "said"),
+    [
+        (FaultKind.INTERMITTENT, "settling: 12 s", True),
+        (FaultKind.INTERMITTENT, "suspect: yes", False),
+        (FaultKind.BIAS, "settling: 12 s", False),
+    ],
+)
+def test_an_input_that_is_off_at_times_may_be_slow(
+    kind: FaultKind, settling: str, history: History, *, said: bool
+) -> None:
+    """One that became slower is off after each of its moves, and right again, so where that is not asked it is said."""
+    text = (example("tank") / "model.yaml").read_text(encoding="utf-8")
+    graph = parse_model(text.replace("u_in:  {unit: percent, settling: 12 s}", f"u_in: {{unit: percent, {settling}}}"))
+    off = Suspect(component="u_in", parameter="u_in.bias", nominal=0.0, estimate=-4.0, sd=0.2)
+    last = with_last(history, (kind_of(off, (kind, 1.0), probability=0.999),))
+    told = " ".join(course_sentences(graph, last, last.diagnoses[-1]))
+    assert ("whether u_in has become slower to act" in told) is said
+    assert ("which is off after each move and right again." in told) is said
+
+
 def test_a_clock_that_was_set_back_gives_no_time_below_none(history: History) -> None:
     """Where a recording ends before it begins its length is that of its samples, and no delay is told."""
     ends = np.array([30.0, 10.0])
