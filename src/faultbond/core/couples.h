@@ -497,16 +497,7 @@ static void begin_couples(const Bank *bank, const Trail *trail, int64_t onset, c
     memcpy(healthy, before_onset(trail, onset), sizeof steps->healthy);
     advance_one(healthy, sample, normal, NULL, &filters->plain);
     fill_couples(bank, trail, onset, healthy, job, steps, memory);
-    for (int l = 0; l < GROUP; l++) {
-        double half[FB_ROOM(N_STATES)];
-        for (int i = 0; i < N_STATES; i++) {
-            half[i] = 0.5 * (early[i][l] - job->run[i][l]);
-            if (!isfinite(half[i])) half[i] = 0.0;
-            job->run[i][l] += half[i];
-        }
-        for (int i = 0; i < N_STATES; i++)
-            for (int j = i; j < N_STATES; j++) job->run[WIDE_PLACE(i, j)][l] += half[i] * half[j];
-    }
+    stand_between(early, WIDE_JOINT, job->run);
 }
 
 /* Put lane l of a group into the bank, if it is likelier than what is there; gives the lane of the bank, -1: it is not. */

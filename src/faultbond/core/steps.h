@@ -114,6 +114,21 @@ static void suspect_lanes(const Start *starts, const double *healthy, double (*b
     }
 }
 
+/* Let the states of a group, whose z has `joint` numbers, lie half-way between those of `early` and their own, as uncertain as that. */
+static void stand_between(double (*early)[GROUP], int64_t joint, double (*late)[GROUP])
+{
+    for (int64_t l = 0; l < GROUP; l++) {
+        double half[FB_ROOM(N_STATES)];
+        for (int64_t i = 0; i < N_STATES; i++) {
+            half[i] = 0.5 * (early[i][l] - late[i][l]);
+            if (!isfinite(half[i])) half[i] = 0.0;
+            late[i][l] += half[i];
+        }
+        for (int64_t i = 0; i < N_STATES; i++)
+            for (int64_t j = i; j < N_STATES; j++) late[joint + IN_TRIANGLE(joint, i, j)][l] += half[i] * half[j];
+    }
+}
+
 /* Lanes predicted to the sample of the onset, before its measurements, into `late`; memory: `healthy` and `sample`.
 
    The fault came at some moment since the sample before, so the states lie between those of a fault from that sample on
@@ -128,16 +143,7 @@ static void begin_lanes(const Start *starts, const Normal *normal, double (*late
     memcpy(memory->later, memory->healthy, sizeof memory->later);
     advance_one(memory->later, memory->sample, normal, NULL, work);
     suspect_lanes(starts, memory->later, late, memory->lane);
-    for (int64_t l = 0; l < GROUP; l++) {
-        double half[FB_ROOM(N_STATES)];
-        for (int64_t i = 0; i < N_STATES; i++) {
-            half[i] = 0.5 * (early[i][l] - late[i][l]);
-            if (!isfinite(half[i])) half[i] = 0.0;
-            late[i][l] += half[i];
-        }
-        for (int64_t i = 0; i < N_STATES; i++)
-            for (int64_t j = i; j < N_STATES; j++) late[PLAIN_PLACE(i, j)][l] += half[i] * half[j];
-    }
+    stand_between(early, PLAIN_JOINT, late);
 }
 
 /* Begin a group of starts at an onset: it stands at that sample, and has not taken it. */
