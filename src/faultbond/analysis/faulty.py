@@ -119,9 +119,12 @@ class Faults:
                 acting[c, item.input] = -by * item.scale
             if item.output >= 0:
                 shown[c, item.output] = by * item.scale
-        seen = self._outputs(starts, *(np.repeat(part, len(rows), axis=0) for part in (acting, gained)))
-        seen = seen.reshape(rows.shape[1], len(cases), len(rows), -1) + shown[:, None]
-        moved = seen - self.outputs[:, None]
+        moved = np.zeros((rows.shape[1], len(cases), len(rows), len(spec.outputs)))
+        if plant := [c for c, item in enumerate(of) if item.output < 0]:  # what is wrong with a sensor moves nothing
+            ran = starts.reshape(len(cases), len(rows), -1)[plant].reshape(len(plant) * len(rows), -1)
+            seen = self._outputs(ran, *(np.repeat(part[plant], len(rows), axis=0) for part in (acting, gained)))
+            moved[:, plant] = seen.reshape(rows.shape[1], len(plant), len(rows), -1) - self.outputs[:, None]
+        moved += shown[:, None]
         whole = np.asarray((np.abs(moved) < _ABSURD * spec.output_noise).all(axis=(0, 2, 3)))  # false for nan
         moved = np.where(whole[:, None, None], moved, 0.0)
         error = np.zeros((len(rows), len(cases), spec.n_joint))

@@ -47,6 +47,7 @@ _LEAST = 1e-3  # part of a size that is enough, below which none is tried at onc
 _ROUNDS = 24
 _CLOSE = 0.03  # relative change of the size below which it is found
 _NUMBERS = 2 * 10**7  # of all effects that are looked at together
+_FEW = 4  # parameters that are looked at together at least
 _SEEN = 1e-6  # noises; an effect below is rounding
 _TINY = 1e-9  # factors; where a smaller change does so much, rounding does so too
 _BACK = 0.25  # part of a size without a solution that is tried next, where no smaller one is known
@@ -168,7 +169,9 @@ def smallest_faults(
                 effects=(),
                 reason=hidden[name],
             )
-    together = max(1, _NUMBERS // (2 * windows.rows.size * REALISATIONS * len(spec.outputs)), 4)
+    together = max(_NUMBERS // (2 * windows.rows.size * REALISATIONS * len(spec.outputs)), _FEW)
+    if operation.implicit.shape[1]:  # a step of the plant takes long: rather some of them than none
+        together = _FEW
     for first in range(0, len(chosen), together):
         yield from _report(search, chosen[first : first + together], length * grid, clock)
 
