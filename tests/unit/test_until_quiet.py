@@ -61,7 +61,7 @@ from faultbond.fit.innovations import Variant
 from faultbond.fit.likelihood import layout_of, nominal_q
 from faultbond.fit.offset import centred, likely_offsets
 from faultbond.fit.outcome import NoiseFound
-from faultbond.fit.quiet_search import FEWEST, WORTH, Search
+from faultbond.fit.quiet_search import FEWEST, FURTHER, WORTH, Search
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.trial import ROOM, enough, on_trial, stays_below, strayed_on
 from faultbond.io.recording import write_recording
@@ -412,6 +412,29 @@ def test_what_rows_hold_is_asked_of_all_inputs_at_once(
     assert found is not None
     assert [item.what for item in found.added] == late
     assert [(item.trained, item.held) for item in found.added] == [(300.0, -50.0), (0.0, 0.0)]
+
+
+@pytest.mark.parametrize(
+    ("heights", "ends", "climbs"),
+    [
+        ([(1.0, False), (3.0, False), (4.0, True), (9.0, True)], 4.0, 2),
+        ([(1.0, True), (9.0, True)], 1.0, 0),
+        ([(1.0, False), (0.9, False), (9.0, True)], 1.0, 1),
+        ([(float(k), False) for k in range(1, 9)], 1.0 + FURTHER, FURTHER),
+    ],
+)
+def test_a_round_begins_where_a_climb_has_come_to_rest(
+    heights: list[tuple[float, bool]], ends: float, climbs: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It climbs on, a few times at most, and as long as that leads higher."""
+    first, *others = (
+        Footing(graph=cast("Any", None), values={}, starts={}, trained=height, settled=settled)
+        for height, settled in heights
+    )
+    search, left = bare_search(), iter(others)
+    monkeypatch.setattr(search, "ground", lambda _: SimpleNamespace(climbed=lambda _: next(left)), raising=False)
+    assert search.at_rest(first).trained == ends
+    assert len(list(left)) == len(others) - climbs
 
 
 def bare_search() -> Search:

@@ -254,7 +254,7 @@ def _searched(
         if better is None:
             break
         tell(f"added: {_added_words(stand, better)}")
-        stand, tried = search.lasting(better), None
+        stand, tried = search.at_rest(search.lasting(better)), None
         now = replace(now, added=stand.added, rounds=rounds + 1)
         yield partial(_as_it_stands, stand, now, text, graph, prior)
     if tried is not None:

@@ -50,6 +50,7 @@ class Footing:
     ways : how far each output moves on the whole where an input is a little larger, (n_outputs, n_inputs), SI
     trained, few, held : logarithms of the likelihood of recordings fitted, of the few that compare, and held back
     unknown : mean logarithm of the standard errors of the parameters
+    settled : whether the climb that led there had come to rest
     fit : gives what the recordings that are fitted say of it, with all that was added as it stands
     """
 
@@ -61,6 +62,7 @@ class Footing:
     few: float = 0.0
     held: float = 0.0
     unknown: float = 0.0
+    settled: bool = True
     innovations: tuple[FloatArray, ...] = ()
     expected: tuple[FloatArray, ...] = ()
     ways: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))

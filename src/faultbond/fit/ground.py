@@ -342,6 +342,7 @@ class Ground:
             trained=summit.evaluation.value,
             held=held if np.isfinite(summit.evaluation.value) else -np.inf,
             unknown=unknown,
+            settled=summit.settled,
             added=tuple(replace(item, what=by_key[item.what.key]) for item in stand.added),
         )
 

@@ -49,6 +49,7 @@ WORTH = 3.0  # nats by which held-back recordings must be foretold better
 FEWEST = 5.0  # nats, and
 CLOSE = 0.03  # part of the best gain: so much less is about as good
 ROUNDS = 8
+FURTHER = 3  # climbs at most from where one had not come to rest
 SIZES = (0.003, 0.01, 0.03, 0.1, 0.3)  # parts of a value, or of the usual size of a signal
 NOISES = (0.3, 1.0, 3.0)  # of a sensor's noise
 MEMORIES = (3.0, 20.0, 120.0, 600.0)  # samples
@@ -139,6 +140,21 @@ class Search:
         far = [np.abs(item.standardised) > WILD for item in seen]
         if sum(int(item.sum()) for item in far) <= FEW_WILD * sum(item.readings for item in self.held):
             self.held = tuple(item.without(wild) for item, wild in zip(self.held, far, strict=True))
+
+    def at_rest(self, stand: Footing) -> Footing:
+        """Give where it leads to climb on from a footing to which a climb has led that had not come to rest.
+
+        Else what the next thing seems to gain is what all others still gain, and each one tried climbs that way again.
+        """
+        for _ in range(FURTHER):
+            if stand.settled:
+                break
+            self.tell("climbing on")
+            further = self.ground(stand.graph).climbed(stand)
+            if not further.trained > stand.trained:
+                break
+            stand = further
+        return stand
 
     def lasting(self, stand: Footing) -> Footing:
         """Give a footing without lags that have come down to the least, and what is of no use, if that is as good.
