@@ -388,7 +388,6 @@ def test_what_rows_hold_is_asked_of_all_inputs_at_once(
 ) -> None:
     """By the recordings that are fitted, as it has no number of its own; asked once where that is in vain."""
     late = [Imperfection(kind=Kind.NEXT, place=name) for name in ("speed", "valve")]
-    linear = Imperfection(kind=Kind.HOLD, place="air")
     stand = Footing(graph=cast("Any", None), values={}, starts={}, trained=-1000.0, held=-900.0)
     added = tuple(Added(what=item, trained=300.0, held=-50.0) for item in late)
     there = replace(stand, trained=trained, held=-950.0, added=added)  # surer, so that it foretells others worse
@@ -400,7 +399,7 @@ def test_what_rows_hold_is_asked_of_all_inputs_at_once(
         tried.append(more)
         return there
 
-    monkeypatch.setattr(further, "other_holds", lambda *_: [late[0], linear, late[1]])
+    monkeypatch.setattr(further, "held_late", lambda *_: late)
     monkeypatch.setattr(search, "ground_with", lambda *_: SimpleNamespace(climbed=climbed), raising=False)
     found = further.held_until(search, stand)
     assert tried == [tuple(late)]

@@ -14,7 +14,7 @@ from faultbond.app.signals import stop_of
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
-from faultbond.fit.ascent import Ending
+from faultbond.fit.ascent import Finish
 from faultbond.fit.cure import Cure, cured, strayed
 from faultbond.fit.foothold import Footing, as_found, values_of
 from faultbond.fit.further import better, held_until
@@ -162,7 +162,7 @@ def _steps(
             prior=Prior(wishes.prior),
             starts=wishes.starts,
             agreeing=AGREEING,
-            ending=Ending(SETTLED, COARSE),
+            finish=Finish(SETTLED, COARSE),
             seed=wishes.seed,
             tell=tell,
         )
@@ -362,7 +362,7 @@ def _attempt(
         prior=Prior(wishes.prior),
         believed=believed,
         starts=1,
-        ending=Ending(SETTLED),
+        finish=Finish(SETTLED),
         shaken=False,  # the search has climbed there
         seed=wishes.seed,
         tell=lambda step: tell(f"{what}: {step}"),

@@ -42,7 +42,7 @@ LATELY = 4  # steps, as much as which all that are left are taken to bring at mo
 
 
 @dataclass(frozen=True, slots=True)
-class Ending:
+class Finish:
     """When a climb ends: where its next step would bring less than `nats`, or than `part` of what it has gained."""
 
     nats: float = SETTLED
@@ -53,7 +53,7 @@ class Ending:
         return max(nats, self.part * gained)
 
 
-TO_THE_TOP = Ending()
+TO_THE_TOP = Finish()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -86,7 +86,7 @@ def ascend(
     *,
     anchor: FloatArray | None = None,
     turns: int | None = None,
-    ending: Ending = TO_THE_TOP,
+    finish: Finish = TO_THE_TOP,
     rival: Summit | None = None,
     tell: Callable[[str], None] = lambda step: None,
 ) -> Summit:
@@ -102,7 +102,7 @@ def ascend(
     prior : sd of each unknown about its nominal value, (n,)
     anchor : (n_records, n_own), what was known of what recordings have for themselves; None: as at `begin`
     turns : steps at most, from `begin` alone; None: as many as it takes, and from places around where it is stuck
-    ending : what a further step, and a place around, has to bring
+    finish : what a further step, and a place around, has to bring
     rival : another climb: this one ends, too, where it is behind that after as many steps, and would stay below its end
         if all steps that are left brought as much as the last few
     tell : takes which step of how many comes, and what those before it have gained
@@ -110,7 +110,7 @@ def ascend(
     hill = _Hill(plant, records, begin.starts if anchor is None else anchor, prior, tell)
     now = hill.at(begin)
     hill.foot = now.posterior
-    now = _straight(hill, now, TURNS if turns is None else turns, ending, rival=rival)
+    now = _straight(hill, now, TURNS if turns is None else turns, finish, rival=rival)
     if turns is not None:
         return replace(now, steps=hill.calls)
     course = now.course
@@ -123,15 +123,15 @@ def ascend(
             trial = hill.at(hill.moved(now.point, hill.random_move(now, rng)))
             if trial.posterior > now.posterior - NEAR:
                 around = f" from place {shake * PLACES + place + 1} of at most {SHAKES * PLACES} around"
-                trial = _straight(hill, trial, SHORT, ending, around)
+                trial = _straight(hill, trial, SHORT, finish, around)
             best = max(best, trial, key=lambda item: item.posterior)
-        worse = best.posterior - now.posterior < ending.least(now.posterior - hill.foot, WORTH)
-        now = replace(best if worse else _straight(hill, best, TURNS, ending), settled=worse)
+        worse = best.posterior - now.posterior < finish.least(now.posterior - hill.foot, WORTH)
+        now = replace(best if worse else _straight(hill, best, TURNS, finish), settled=worse)
     return replace(now, steps=hill.calls, course=course)
 
 
 def _straight(
-    hill: "_Hill", now: Summit, most: int, ending: Ending, begun: str = "", rival: Summit | None = None
+    hill: "_Hill", now: Summit, most: int, finish: Finish, begun: str = "", rival: Summit | None = None
 ) -> Summit:
     """Climb as the slope leads, so many steps at most, until a step would bring too little.
 
@@ -144,7 +144,7 @@ def _straight(
             break
         hill.tell(f"{turn + 1} of at most {most}{begun}, {now.posterior - hill.foot:.0f} nats gained")
         slope, damping, precision = hill.slope(now), min(damping, STIFF), as_bent(now.precision, seen)
-        settled = max(settled, ending.least(now.posterior - hill.foot, ending.nats))
+        settled = max(settled, finish.least(now.posterior - hill.foot, finish.nats))
         free = ~hill.held(now, slope)
         for attempt in range(PATIENCE):
             move, promise = hill.move(precision, slope, free, damping)

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from faultbond.fit.foothold import Footing
-from faultbond.fit.hints import answered, explained, last_changes, told_early
+from faultbond.fit.hints import LEAST_PART, answered, clear_part, explained, last_changes, told_early
 from faultbond.fit.imperfections import KIND_HOLDS, Imperfection, Kind
 from faultbond.fit.samples import HealthyRecording
 from faultbond.model.graph import BondGraph, Input, Sensor
+from faultbond.types import Hold
 
 HINT = 5.0  # nats that a lag or a hold must seem to explain to be tried
 ORDERS = (1, 2, 4, 8)  # of a lag
@@ -110,6 +111,30 @@ def other_holds(
             if gain > HINT and item.hold is not KIND_HOLDS[kind]
         ]
     return [item for _, item in sorted(found, key=lambda one: one[0], reverse=True)]
+
+
+def held_late(
+    stand: Footing, records: Sequence[HealthyRecording], direct: Sequence[Sequence[int]]
+) -> list[Imperfection]:
+    """Give inputs whose rows clearly hold what acted until then: a sensor moves in the very row, as `check` tells it.
+
+    Where a model lacks something else a sensor may seem to, a little. Of the arguments see `other_holds`.
+    """
+    found = []
+    for k, item in enumerate(stand.graph.inputs):
+        parts = [
+            clear_part(
+                [
+                    told_early(off[:, j], float(stand.ways[j, k]), record.u[:, k])
+                    for off, record in zip(stand.innovations, records, strict=True)
+                ]
+            )
+            for j in range(len(stand.graph.sensors))
+            if k not in direct[j]
+        ]
+        if max(parts, default=0.0) > LEAST_PART and item.hold is not Hold.NEXT:
+            found.append(Imperfection(kind=Kind.NEXT, place=item.name))
+    return found
 
 
 def _gone_with(stand: Footing, records: Sequence[HealthyRecording], k: int) -> float:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.fit.ascent import Ending, ascend
+from faultbond.fit.ascent import Finish, ascend
 from faultbond.fit.objective import BLOCK, LOG_2_PI, FitPoint, FittedPlant, Scored, score_recordings
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.side_by_side import side_by_side
@@ -108,5 +108,5 @@ def foretold(
 ) -> tuple[Scored, ...]:
     """Give what recordings show that were held back: all of q (n_q,) is known but where they start."""
     known, begin = all_known(plant, q), replace(begin, values=_NONE)
-    summit = ascend(known, records, begin, _NONE, turns=_TURNS, ending=Ending(CLOSE_ENOUGH))
+    summit = ascend(known, records, begin, _NONE, turns=_TURNS, finish=Finish(CLOSE_ENOUGH))
     return score_recordings(known, records, summit.point)

@@ -17,7 +17,7 @@ import numpy as np
 
 from faultbond.errors import StructureError
 from faultbond.fit.curves import FOREIGN
-from faultbond.fit.delays import HINT, late_ones, other_holds
+from faultbond.fit.delays import HINT, held_late, late_ones, other_holds
 from faultbond.fit.foothold import Added, Footing, keys_of
 from faultbond.fit.ground import Ground
 from faultbond.fit.imperfections import Imperfection, Kind, parameter_name, power_of
@@ -69,14 +69,14 @@ def better(search: Search, stand: Footing) -> Footing | None:
 
 
 def held_until(search: Search, stand: Footing) -> Footing | None:
-    """Give where it leads that rows hold what acted until then, where sensors move in the very row of an input.
+    """Give where it leads that rows hold what acted until then, where sensors clearly move in the very row of an input.
 
     That is a logger's doing, so it is asked before what the plant may lack, and of all such inputs together. It has no
     number of its own, so it is judged by the recordings that are fitted: while much is missing, a model that
     fits them better is surer, and foretells others worse. None: nothing looks so, or that is no better.
     """
-    seen = other_holds(stand, search.trained, search.all.model.direct)
-    early = [item for item in seen if item.kind is Kind.NEXT and item.key not in search.refused]
+    clear = held_late(stand, search.trained, search.all.model.direct)
+    early = [item for item in clear if item.key not in search.refused]
     if not early:
         return None
     search.tell(f"fitting {', '.join(item.words for item in early)}, since sensors move in the very row")

@@ -9,7 +9,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
-from faultbond.fit.ascent import START_PRIOR, Ending, Summit, ascend
+from faultbond.fit.ascent import START_PRIOR, Finish, Summit, ascend
 from faultbond.fit.certainty import inverse_of
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, evidence_of, foretold, joint_courses, likelihoods
 from faultbond.fit.foothold import Added, Footing, values_at, with_noise
@@ -304,8 +304,8 @@ class Ground:
             begin = max(begins, key=lambda point: likelihood_value(plant, records, point))
         anchor = self.begin_of(records, search.begin).starts
         wide = unknowns.widened(self.widths(unknowns))
-        ending = Ending(CLOSE_ENOUGH, NEARLY if few else 0.0)
-        summit = ascend(plant, records, begin, wide, anchor=anchor, turns=TURNS, ending=ending)
+        finish = Finish(CLOSE_ENOUGH, NEARLY if few else 0.0)
+        summit = ascend(plant, records, begin, wide, anchor=anchor, turns=TURNS, finish=finish)
         found = unknowns.fill(plant.base, summit.point.values)[0]
         ahead = foretold(plant, search.held, self.begin_of(search.held, search.begin_held), found)
         stood = self._stood(stand, opened, found, summit, evidence_of(ahead))

@@ -115,12 +115,17 @@ def early_sensors(spec: EngineSpec, records: Sequence[HealthyRecording], watches
                 continue
             parts = zip(records, watches, strict=True)
             seen = [told_early(item.scores[:, j], float(item.ways[j, k]), record.u[:, k]) for record, item in parts]
-            nats, count = sum(item[0] for item in seen), sum(item[1] for item in seen)
-            part = 1.0 - float(np.exp(-2.0 * nats / max(count, 1)))
-            if nats >= CLEAR and part > best.part:
+            part = clear_part(seen)
+            if part > best.part:
                 best = Early(sensor=output.name, of=known.name, part=part)
         found += [best] if best.of else []
     return tuple(sorted(found, key=lambda item: item.part, reverse=True))
+
+
+def clear_part(seen: Sequence[tuple[float, int]]) -> float:
+    """Give the part of the scatter that is told by nats and samples of each recording; 0 where the nats are few."""
+    nats, count = sum(item[0] for item in seen), sum(item[1] for item in seen)
+    return 1.0 - float(np.exp(-2.0 * nats / max(count, 1))) if nats >= CLEAR else 0.0
 
 
 def told_early(off: FloatArray, way: float, u: FloatArray) -> tuple[float, int]:

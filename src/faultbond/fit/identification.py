@@ -18,7 +18,7 @@ import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.errors import NoVerdictError, RecordingError
-from faultbond.fit.ascent import START_PRIOR, TO_THE_TOP, TURNS, Ending, Summit, ascend, spread_noise
+from faultbond.fit.ascent import START_PRIOR, TO_THE_TOP, TURNS, Finish, Summit, ascend, spread_noise
 from faultbond.fit.certainty import PARTNER, Certainty, certainty_of, together
 from faultbond.fit.constancy import Change, changes_of
 from faultbond.fit.objective import FitPoint, FittedPlant, Scored, follow_alone, score_recordings
@@ -117,7 +117,7 @@ def fit_plant(
     believed: frozenset[str] = frozenset(),
     starts: int = 4,
     agreeing: int | None = None,
-    ending: Ending = TO_THE_TOP,
+    finish: Finish = TO_THE_TOP,
     shaken: bool = True,
     seed: int = 0,
     tell: Callable[[str], None] = lambda text: None,
@@ -133,7 +133,7 @@ def fit_plant(
     believed : parameters whose accuracies are not widened
     starts : how many starts the search has, the nominal values among them
     agreeing : the search ends where so many of them have ended at the same best values; None: all are tried
-    ending : what a further step of a climb has to bring
+    finish : what a further step of a climb has to bring
     shaken : whether it goes on from places around where a climb is stuck
     seed : of the other starts
     tell : takes what is being done
@@ -154,18 +154,18 @@ def fit_plant(
             f"{names}: {readings} readings can be used, and {unknown} values are to be found; give a longer recording"
         )
     turns = None if shaken else TURNS
-    climbs = _climbs(plant, records, begin, starts, agreeing or starts, ending, seed, tell)
+    climbs = _climbs(plant, records, begin, starts, agreeing or starts, finish, seed, tell)
     reached = next(climbs)
     try:
         for further in climbs:
             reached = further
         if shaken and not reached.best.settled:
-            reached = reached._replace(best=_on_from(plant, records, begin, reached.best, ending, tell))
-        ending = replace(ending, nats=ending.least(reached.best.gained, ending.nats))  # the rest begins near it
-        records, best = _without_wild(plant, records, reached.best, ending, tell)
+            reached = reached._replace(best=_on_from(plant, records, begin, reached.best, finish, tell))
+        finish = replace(finish, nats=finish.least(reached.best.gained, finish.nats))  # the rest begins near it
+        records, best = _without_wild(plant, records, reached.best, finish, tell)
         tell("weighing the declared accuracies")
         told = _steps(tell, "weighing the declared accuracies")
-        best, widths = _weigh(plant, records, begin, best, prior, believed, ending, turns, told)
+        best, widths = _weigh(plant, records, begin, best, prior, believed, finish, turns, told)
         tell("asking how sure they are")
         return _fit(plant, records, begin, best, prior, np.maximum(widths, 1.0), reached)
     except KeyboardInterrupt as stopped:
@@ -255,7 +255,7 @@ def _climbs(
     begin: FitPoint,
     starts: int,
     agreeing: int,
-    ending: Ending,
+    finish: Finish,
     seed: int,
     tell: Callable[[str], None],
 ) -> Iterator[Reached]:
@@ -274,10 +274,10 @@ def _climbs(
         point = replace(begin, values=np.clip(values, unknowns.lower, unknowns.upper)) if k else begin
         point = spread_noise(plant, records, point)
         told, rival = _steps(tell, start), max(summits, key=lambda item: item.posterior, default=None)
-        summits.append(ascend(plant, records, point, prior, turns=TURNS, ending=ending, rival=rival, tell=told))
+        summits.append(ascend(plant, records, point, prior, turns=TURNS, finish=finish, rival=rival, tell=told))
         best = max(summits, key=lambda item: item.posterior)
         if np.isfinite(best.posterior):
-            close = ending.least(best.gained, ALIKE)
+            close = finish.least(best.gained, ALIKE)
             alike = sum(item.posterior > best.posterior - close for item in summits)
             yield Reached(best, alike, len(summits))
             if alike >= agreeing:
@@ -291,12 +291,12 @@ def _on_from(
     records: Sequence[HealthyRecording],
     begin: FitPoint,
     stuck: Summit,
-    ending: Ending,
+    finish: Finish,
     tell: Callable[[str], None],
 ) -> Summit:
     """Climb on from where the best start is stuck, and from places around."""
     told, prior = _steps(tell, "going on from the best start"), plant.unknowns.widened(WIDE)
-    return ascend(plant, records, stuck.point, prior, anchor=begin.starts, ending=ending, tell=told)
+    return ascend(plant, records, stuck.point, prior, anchor=begin.starts, finish=finish, tell=told)
 
 
 def _without_course(plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint) -> str:
@@ -323,7 +323,7 @@ def _without_wild(
     plant: FittedPlant,
     records: Sequence[HealthyRecording],
     best: Summit,
-    ending: Ending,
+    finish: Finish,
     tell: Callable[[str], None],
 ) -> tuple[tuple[HealthyRecording, ...], Summit]:
     """Leave out readings that lie far off, as long as they are few, and climb on without them."""
@@ -337,7 +337,7 @@ def _without_wild(
         begin = spread_noise(plant, kept, best.point)
         wide = plant.unknowns.widened(WIDE)
         told = _steps(tell, "leaving out readings that lie far off")
-        best = ascend(plant, kept, begin, wide, anchor=best.point.starts, turns=TURNS, ending=ending, tell=told)
+        best = ascend(plant, kept, begin, wide, anchor=best.point.starts, turns=TURNS, finish=finish, tell=told)
     return kept, best
 
 
@@ -348,7 +348,7 @@ def _weigh(
     best: Summit,
     prior: Prior,
     believed: frozenset[str],
-    ending: Ending,
+    finish: Finish,
     turns: int | None,
     tell: Callable[[str], None],
 ) -> tuple[Summit, FloatArray]:
@@ -376,7 +376,7 @@ def _weigh(
     for k in range(rounds):
         wide, each = unknowns.widened(widths), _after(tell, f", round {k + 1} of at most {rounds}")
         turns = TURNS if k else turns  # places around were tried, and the widths hardly change any more
-        best = ascend(plant, records, best.point, wide, anchor=begin.starts, turns=turns, ending=ending, tell=each)
+        best = ascend(plant, records, best.point, wide, anchor=begin.starts, turns=turns, finish=finish, tell=each)
         away = ((best.point.values - unknowns.nominal)[:n] / accuracies) ** 2
         left = np.diag(np.linalg.inv(best.precision))[:n] / (widths * accuracies) ** 2
         told = 1.0 - np.clip(left, 0.0, 1.0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from faultbond.fit import ascent
-from faultbond.fit.ascent import Ending, as_bent, ascend
+from faultbond.fit.ascent import Finish, as_bent, ascend
 from faultbond.fit.objective import Evaluation, FitPoint, FittedPlant
 
 
@@ -64,7 +64,7 @@ def test_a_climb_ends_after_two_steps_that_bring_nothing(
 
     monkeypatch.setattr(ascent, "evaluate_likelihood", folded)
     plant, begin = one_unknown()
-    summit = ascend(plant, (), begin, np.full(1, 1e9), turns=len(heights) - 1, ending=Ending(0.2))
+    summit = ascend(plant, (), begin, np.full(1, 1e9), turns=len(heights) - 1, finish=Finish(0.2))
     assert (summit.steps, summit.settled) == (1 + steps, False)
     assert summit.posterior == pytest.approx(heights[steps])
 
@@ -83,7 +83,7 @@ def test_a_climb_that_compares_ends_near_its_summit(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(ascent, "as_bent", lambda precision, _: precision * 2.0)
     plant, begin = one_unknown()
     for top in (1000.0, 1.0):
-        summit = ascend(plant, (), begin, np.full(1, 1e9), turns=50, ending=Ending(0.2, part))
+        summit = ascend(plant, (), begin, np.full(1, 1e9), turns=50, finish=Finish(0.2, part))
         below = top - summit.posterior
         assert summit.settled
         assert below < 8.0 * max(0.2, left * top / 1000.0)

@@ -19,6 +19,7 @@ from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
 from faultbond.fit import further
 from faultbond.fit import ground as ground_module
+from faultbond.fit.ascent import Finish
 from faultbond.fit.bend import LEAST, Bend, bend_by
 from faultbond.fit.curves import (
     FOREIGN,
@@ -659,8 +660,8 @@ def test_only_a_climb_that_compares_ends_early(few: bool, monkeypatch: pytest.Mo
     graph, (power, _), ground = bent_cooler()
     left: list[float] = []
 
-    def stop(*_: object, part: float, **__: object) -> None:
-        left.append(part)
+    def stop(*_: object, finish: Finish, **__: object) -> None:
+        left.append(finish.part)
         raise InterruptedError
 
     monkeypatch.setattr(ground_module, "ascend", stop)

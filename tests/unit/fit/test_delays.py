@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from faultbond.arrays import FloatArray
-from faultbond.fit.delays import in_a_loop, other_holds
+from faultbond.fit.delays import held_late, in_a_loop, other_holds
 from faultbond.fit.hints import early_sensors
 from faultbond.fit.imperfections import Kind
 from faultbond.model.text import parse_model
@@ -55,6 +55,21 @@ def test_an_error_in_the_row_of_a_change_asks_for_the_next_row() -> None:
     assert proposed(2.0, ago=1) == []
     assert proposed(-2.0) == []
     assert proposed(2.0, way=0.0) == []
+
+
+@pytest.mark.parametrize(("size", "clear"), [(2.0, True), (0.4, False), (-2.0, False)])
+def test_rows_clearly_hold_what_acted_until_then(size: float, *, clear: bool) -> None:
+    """Where errors of the very row are most of the scatter; a few nats come of whatever else a model lacks."""
+    u, off = made(size)
+    stand = SimpleNamespace(graph=GRAPH, innovations=(off[:, None],), ways=np.array([[1.0]]))
+    records = (SimpleNamespace(u=u[:, None]),)
+    found = held_late(cast("Any", stand), cast("Any", records), ((),))
+    assert [item.kind for item in found] == [Kind.NEXT] * clear
+    assert held_late(cast("Any", stand), cast("Any", records), ((0,),)) == []
+    late = SimpleNamespace(
+        **(vars(stand) | {"graph": replace(GRAPH, inputs=(replace(GRAPH.inputs[0], hold=Hold.NEXT),))})
+    )
+    assert held_late(cast("Any", late), cast("Any", records), ((),)) == []
 
 
 @pytest.mark.parametrize(
