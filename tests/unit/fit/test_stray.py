@@ -395,7 +395,7 @@ def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest
     monkeypatch.setattr(quiet_fit, "_seems_quiet", lambda *_: True)
     monkeypatch.setattr(quiet_fit, "_cured", lambda *_, again: Cure(kept=cures.pop(0)) if again else Cure())
     monkeypatch.setattr(quiet_fit, "_attempt", attempt)
-    search = SimpleNamespace(lasting=lambda stand: stand, believed=frozenset())
+    search = SimpleNamespace(lasting=lambda stand: stand, at_rest=lambda stand: stand, believed=frozenset())
     now = Quieted(fitted=cast(Any, None), text="", held=(), stated=True, promise=1.0)
     wishes = SimpleNamespace(prior="declared")
     for _ in quiet_fit._searched(cast(Any, search), stand, now, "", graph, (), cast(Any, wishes), lambda _: None):
