@@ -295,7 +295,7 @@ def _further(graph: BondGraph, stated: BondGraph) -> frozenset[str]:
 
 
 def _next(search: Search, stand: Footing, asked: dict[str, float]) -> Footing | None:
-    """Give where the next thing leads: what rows hold, what explains why parameters stray, else what foretells best.
+    """Give where the next thing leads: what rows hold, why parameters stray, a law's offset, else what foretells best.
 
     What was asked for with parameters kept from straying would mostly be found again with them let go.
     """

@@ -48,9 +48,9 @@ class Finish:
     nats: float = SETTLED
     part: float = 0.0
 
-    def least(self, gained: float, nats: float) -> float:
-        """Give what is worth a step, in nats, of what it takes anyway."""
-        return max(nats, self.part * gained)
+    def least(self, gained: float) -> float:
+        """Give how many nats are worth a step, where so many were gained."""
+        return max(self.nats, self.part * gained)
 
 
 TO_THE_TOP = Finish()
@@ -125,7 +125,7 @@ def ascend(
                 around = f" from place {shake * PLACES + place + 1} of at most {SHAKES * PLACES} around"
                 trial = _straight(hill, trial, SHORT, finish, around)
             best = max(best, trial, key=lambda item: item.posterior)
-        worse = best.posterior - now.posterior < finish.least(now.posterior - hill.foot, WORTH)
+        worse = best.posterior - now.posterior < max(WORTH, finish.least(now.posterior - hill.foot))
         now = replace(best if worse else _straight(hill, best, TURNS, finish), settled=worse)
     return replace(now, steps=hill.calls, course=course)
 
@@ -144,7 +144,7 @@ def _straight(
             break
         hill.tell(f"{turn + 1} of at most {most}{begun}, {now.posterior - hill.foot:.0f} nats gained")
         slope, damping, precision = hill.slope(now), min(damping, STIFF), as_bent(now.precision, seen)
-        settled = max(settled, finish.least(now.posterior - hill.foot, finish.nats))
+        settled = max(settled, finish.least(now.posterior - hill.foot))
         free = ~hill.held(now, slope)
         for attempt in range(PATIENCE):
             move, promise = hill.move(precision, slope, free, damping)

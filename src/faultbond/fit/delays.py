@@ -99,12 +99,7 @@ def other_holds(
     for k, item in enumerate(stand.graph.inputs):
         moves = float(np.mean(np.concatenate([np.diff(record.u[:, k]) != 0.0 for record in records])))
         gains = {Kind.HOLD: _gone_with(stand, records, k) if moves > RESTLESS else 0.0}
-        gains[Kind.NEXT] = sum(
-            told_early(off[:, j], float(stand.ways[j, k]), record.u[:, k])[0]
-            for off, record in zip(stand.innovations, records, strict=True)
-            for j in range(off.shape[1])
-            if k not in direct[j]
-        )
+        gains[Kind.NEXT] = sum(nats for seen in _in_the_row(stand, records, direct, k) for nats, _ in seen)
         found += [
             (gain, Imperfection(kind=kind, place=item.name))
             for kind, gain in gains.items()
@@ -120,21 +115,22 @@ def held_late(
 
     Where a model lacks something else a sensor may seem to, a little. Of the arguments see `other_holds`.
     """
-    found = []
-    for k, item in enumerate(stand.graph.inputs):
-        parts = [
-            clear_part(
-                [
-                    told_early(off[:, j], float(stand.ways[j, k]), record.u[:, k])
-                    for off, record in zip(stand.innovations, records, strict=True)
-                ]
-            )
-            for j in range(len(stand.graph.sensors))
-            if k not in direct[j]
-        ]
-        if max(parts, default=0.0) > LEAST_PART and item.hold is not Hold.NEXT:
-            found.append(Imperfection(kind=Kind.NEXT, place=item.name))
-    return found
+    return [
+        Imperfection(kind=Kind.NEXT, place=item.name)
+        for k, item in enumerate(stand.graph.inputs)
+        if item.hold is not Hold.NEXT
+        and any(clear_part(seen) > LEAST_PART for seen in _in_the_row(stand, records, direct, k))
+    ]
+
+
+def _in_the_row(
+    stand: Footing, records: Sequence[HealthyRecording], direct: Sequence[Sequence[int]], k: int
+) -> Iterator[list[tuple[float, int]]]:
+    """Give what each sensor that does not feel input k at once says of moves in its very row, see `told_early`."""
+    for j in range(len(stand.graph.sensors)):
+        if k not in direct[j]:
+            parts = zip(stand.innovations, records, strict=True)
+            yield [told_early(off[:, j], float(stand.ways[j, k]), record.u[:, k]) for off, record in parts]
 
 
 def _gone_with(stand: Footing, records: Sequence[HealthyRecording], k: int) -> float:

@@ -159,9 +159,9 @@ def fit_plant(
     try:
         for further in climbs:
             reached = further
+        finish = replace(finish, nats=finish.least(reached.best.gained))  # what follows begins near the top
         if shaken and not reached.best.settled:
             reached = reached._replace(best=_on_from(plant, records, begin, reached.best, finish, tell))
-        finish = replace(finish, nats=finish.least(reached.best.gained, finish.nats))  # the rest begins near it
         records, best = _without_wild(plant, records, reached.best, finish, tell)
         tell("weighing the declared accuracies")
         told = _steps(tell, "weighing the declared accuracies")
@@ -277,7 +277,7 @@ def _climbs(
         summits.append(ascend(plant, records, point, prior, turns=TURNS, finish=finish, rival=rival, tell=told))
         best = max(summits, key=lambda item: item.posterior)
         if np.isfinite(best.posterior):
-            close = finish.least(best.gained, ALIKE)
+            close = max(ALIKE, finish.least(best.gained))
             alike = sum(item.posterior > best.posterior - close for item in summits)
             yield Reached(best, alike, len(summits))
             if alike >= agreeing:

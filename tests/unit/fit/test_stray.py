@@ -18,7 +18,7 @@ from faultbond.app.likelihood import likelihood_engine
 from faultbond.app.quiet_fit import _next
 from faultbond.cli import DONE, main
 from faultbond.fit import cure, identification
-from faultbond.fit.ascent import TURNS, Summit, ascend
+from faultbond.fit.ascent import TURNS, Finish, Summit, ascend
 from faultbond.fit.cure import Cure, cured, strayed
 from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.identification import Fit, Prior, fit_plant
@@ -395,12 +395,18 @@ def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest
     monkeypatch.setattr(quiet_fit, "_seems_quiet", lambda *_: True)
     monkeypatch.setattr(quiet_fit, "_cured", lambda *_, again: Cure(kept=cures.pop(0)) if again else Cure())
     monkeypatch.setattr(quiet_fit, "_attempt", attempt)
-    search = SimpleNamespace(lasting=lambda stand: stand, at_rest=lambda stand: stand, believed=frozenset())
+    rested = list[Footing]()
+
+    def at_rest(stand: Footing) -> Footing:
+        rested.append(stand)
+        return stand
+
+    search = SimpleNamespace(lasting=lambda stand: stand, at_rest=at_rest, believed=frozenset())
     now = Quieted(fitted=cast(Any, None), text="", held=(), stated=True, promise=1.0)
     wishes = SimpleNamespace(prior="declared")
     for _ in quiet_fit._searched(cast(Any, search), stand, now, "", graph, (), cast(Any, wishes), lambda _: None):
         pass
-    assert on_trial == [more]
+    assert on_trial == rested == [more]
 
 
 def test_only_the_best_start_goes_on_from_places_around(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -409,15 +415,21 @@ def test_only_the_best_start_goes_on_from_places_around(recording: Path, monkeyp
     core, model = build_watcher(graph), build_model(graph)
     read = [("a", read_points(graph, str(recording)))]
     plant, records, begin = build_fit(model, likelihood_engine(model), core, read, free_parameters(graph))
-    climb, climbs = ascend, list[tuple[object, float]]()
+    climb, climbs, asked = ascend, list[Summit](), list[dict[str, Any]]()
 
     def stuck(*words: Any, **options: Any) -> Summit:
-        found = climb(*words, **options)
-        climbs.append((options.get("turns"), found.posterior))
-        return replace(found, settled=False)
+        found = replace(climb(*words, **options), settled=False)
+        climbs.append(found)
+        asked.append(options)
+        return found
 
     monkeypatch.setattr(identification, "ascend", stuck)
-    fit_plant(plant, records, begin, starts=3, prior=Prior.NONE)
-    turns, heights = zip(*climbs, strict=True)
-    assert turns[:4] == (TURNS, TURNS, TURNS, None)
+    fit_plant(plant, records, begin, starts=3, prior=Prior.DECLARED, finish=Finish(1e-4, 1e-3))
+    assert [item.get("turns") for item in asked[:4]] == [TURNS, TURNS, TURNS, None]
+    heights = [item.posterior for item in climbs]
     assert heights[3] >= max(heights[:3])
+    rivals = [item.get("rival") for item in asked[:3]]  # each start is measured by the best before it
+    assert rivals == [None, climbs[0], climbs[0] if heights[0] >= heights[1] else climbs[1]]
+    best = max(climbs[:3], key=lambda item: item.posterior)
+    assert best.gained > 1.0
+    assert {item["finish"].nats for item in asked[3:]} == {1e-3 * best.gained}  # what follows is no finer than that
