@@ -1,8 +1,8 @@
 """What a fault does to the healthy filter: the nonlinear plant with a parameter changed, through its recursion.
 
-Stores keep their contents when the parameter changes; nothing reacts to the fault meanwhile. A bias of an instrument
-is a fault too: a sensor gives so much more, or so much less acts than an input says. So is a gain of an input: so many
-times what it says acts.
+The core plays the plants, several side by side. Stores keep their contents when the parameter changes; nothing reacts
+to the fault meanwhile. A bias of an instrument is a fault too: a sensor gives so much more, or so much less acts than
+an input says. So is a gain of an input: so many times what it says acts.
 """
 
 from collections.abc import Sequence
@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultbond.analysis.batch import Batch
 from faultbond.analysis.false_alarm_trials import alarming, ratios_of
-from faultbond.analysis.operation import Operation, advance_function
+from faultbond.analysis.operation import Operation
 from faultbond.analysis.sensitivity import BIAS, GAIN
 from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
+from faultbond.runtime.core import Core
 
 _ABSURD = 1e12  # noises; a plant that goes so far has run away, and counts as one without a solution
 _MOST = 1e12  # standard deviations; more need not be told apart
@@ -95,36 +95,29 @@ class Shift:
 class Faults:
     """Faults that begin at some rows (o, w) of an operation."""
 
-    def __init__(self, model: StepModel, spec: EngineSpec, operation: Operation, rows: IntArray) -> None:
-        self.model, self.spec, self.operation, self.rows = model, spec, operation, rows
-        self.advance, self.measure = Batch(advance_function(model)), Batch(model.measure)
+    def __init__(self, model: StepModel, spec: EngineSpec, engine: Core, operation: Operation, rows: IntArray) -> None:
+        self.model, self.spec, self.engine, self.operation, self.rows = model, spec, engine, operation, rows
         self.healthy = operation.mean[rows[:, 0]].copy()
         self.healthy[:, spec.noise_slice] = 0.0
         self.zeros = np.array([item.unit_offset for item in spec.inputs])
-        nothing = np.zeros((len(rows), len(spec.inputs)))
-        self.outputs = self._outputs(self.healthy, nothing, nothing)
+        self.samples = operation.packed[rows].copy()
+        self.samples[:, 0, spec.sample_fields["dt"]] = 0.0  # they begin at the first sample
+        self.outputs = self._outputs(self.healthy[None])[:, 0]
 
     def shift(self, cases: Sequence[FaultCase], sizes: FloatArray) -> Shift:
         """Give what faults of sizes (n_cases,), in factors, do to outputs, innovations and slow errors."""
         spec, operation, rows = self.spec, self.operation, self.rows
-        signed = [sign * size for (_, sign), size in zip(cases, sizes, strict=True)]
-        of = [item for item, _ in cases]
-        starts = np.concatenate([self._changed(item.parameter, by) for item, by in zip(of, signed, strict=True)])
-        acting, shown = np.zeros((len(cases), len(spec.inputs))), np.zeros((len(cases), len(spec.outputs)))
-        gained = np.zeros_like(acting)
-        for c, (item, by) in enumerate(zip(of, signed, strict=True)):
-            if item.is_gain:
-                gained[c, item.input] = by
-            elif item.input >= 0:
-                acting[c, item.input] = -by * item.scale
-            if item.output >= 0:
-                shown[c, item.output] = by * item.scale
         moved = np.zeros((rows.shape[1], len(cases), len(rows), len(spec.outputs)))
-        if plant := [c for c, item in enumerate(of) if item.output < 0]:  # what is wrong with a sensor moves nothing
-            ran = starts.reshape(len(cases), len(rows), -1)[plant].reshape(len(plant) * len(rows), -1)
-            seen = self._outputs(ran, *(np.repeat(part[plant], len(rows), axis=0) for part in (acting, gained)))
-            moved[:, plant] = seen.reshape(rows.shape[1], len(plant), len(rows), -1) - self.outputs[:, None]
-        moved += shown[:, None]
+        signed = [(item, sign * float(size)) for (item, sign), size in zip(cases, sizes, strict=True)]
+        inside = [c for c, (item, _) in enumerate(signed) if item.parameter >= 0]
+        if inside:
+            starts = np.stack([self._changed(item.parameter, by) for item, by in (signed[c] for c in inside)])
+            moved[:, inside] = self._outputs(starts) - self.outputs[:, None]
+        for c, (item, by) in enumerate(signed):
+            if item.input >= 0:
+                moved[:, c] = self._acted_on(item, by) - self.outputs
+            elif item.output >= 0:
+                moved[:, c, :, item.output] = by * item.scale
         whole = np.asarray((np.abs(moved) < _ABSURD * spec.output_noise).all(axis=(0, 2, 3)))  # false for nan
         moved = np.where(whole[:, None, None], moved, 0.0)
         error = np.zeros((len(rows), len(cases), spec.n_joint))
@@ -154,31 +147,29 @@ class Faults:
         carried[..., spec.noise_slice] = 0.0
         return carried
 
-    def _outputs(self, starts: FloatArray, acting: FloatArray, gained: FloatArray) -> FloatArray:
-        """Give the outputs (w, n, n_outputs), SI, of plants that begin so at the onsets, in turn.
+    def _outputs(self, starts: FloatArray) -> FloatArray:
+        """Give the outputs (w, n, o, n_outputs), SI, of plants (n, o, n_joint) that begin so at the onsets."""
+        onsets = range(len(self.rows))
+        return np.stack([self._played(starts[:, o], o, self.samples[o]) for o in onsets], axis=2)
 
-        acting: (n, n_inputs), what acts more than the inputs say, SI; gained: the same in what they are in their units.
-        """
-        operation, rows = self.operation, self.rows
-        times = len(starts) // len(rows)
-        v, z = starts, np.tile(operation.implicit[rows[:, 0]], (times, 1))
-        seen = np.zeros((rows.shape[1], len(starts), len(self.spec.outputs)))
-        for w in range(rows.shape[1]):
-            k = np.tile(rows[:, w], times)
-            if w:
-                both = (u[k] + acting + gained * (u[k] - self.zeros) for u in (operation.u_before, operation.u))
-                arguments = (v, z, *both, operation.dt[k, None])
-                v, z, y = (item[:, :, 0] for item in self.advance(*arguments))
-            else:
-                u = operation.u[k]
-                y = self.measure(v, u + acting + gained * (u - self.zeros), z)[0][:, :, 0]
-            seen[w] = y
-        return seen
+    def _acted_on(self, item: FaultTarget, by: float) -> FloatArray:
+        """Give the outputs (w, o, n_outputs), SI, of the healthy plant where more or less acts than an input says."""
+        fields, samples = self.spec.sample_fields, self.samples.copy()
+        for name in ("u_before", "u"):
+            said = samples[..., fields[name].start + item.input]
+            said += by * (said - self.zeros[item.input]) if item.is_gain else -by * item.scale
+        played = [self._played(self.healthy[None, o], o, rows)[:, 0] for o, rows in enumerate(samples)]
+        return np.stack(played, axis=1)
+
+    def _played(self, starts: FloatArray, onset: int, samples: FloatArray) -> FloatArray:
+        """Give the outputs (w, n, n_outputs), SI, of plants that are at `starts` (n, n_joint) at the first sample."""
+        spec, lanes = self.spec, np.zeros((self.spec.n_numbers, len(starts)))
+        lanes[: spec.n_joint] = starts.T
+        lanes[spec.n_joint + spec.n_packed : -1] = self.operation.implicit[self.rows[onset, 0]][:, None]
+        return self.engine.follow(lanes, samples).transpose(0, 2, 1)
 
     def _changed(self, parameter: int, change: float) -> FloatArray:
-        """Give joint vectors after a step of a parameter, -1: of none; stores keep their contents."""
-        if parameter < 0:
-            return self.healthy
+        """Give joint vectors (o, n_joint) after a step of a parameter; stores keep their contents."""
         n_x, place, scales = len(self.spec.states), self.spec.parameter_slice, self.model.scales
         changed, item = self.healthy.copy(), self.spec.parameters[parameter]
         moved = changed[:, place.start + parameter] + change

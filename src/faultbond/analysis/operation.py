@@ -36,20 +36,18 @@ _MOST_RUNS = 3  # tried with the filter
 class Operation:
     """A run of the healthy filter; arrays have one row per sample, from the first at which the filter runs.
 
-    time, dt: (n,), s; `dt` since the sample before. u, u_before: (n, n_inputs), SI; `u_before` was held until then.
-    fresh: (n, n_noisy), SI, sd that the noise of inputs gains. noise: (n, n_outputs), SI, that of the sensors.
-    mean, implicit: (n, n_joint), (n, n_loops), after the sample. transition: (n, n_joint, n_joint), from the sample
-    before; zero in the first row. slope: (n, n_outputs, n_joint), of the readings. gain: (n, n_joint, n_outputs).
-    spread: (n, n_outputs), sd of the innovations, SI. counted, blanked: (n, n_outputs), whether the sums take the
-    value, and whether they forget those before. aged: (n, n_slow_errors), whether a slow error has been watched for as
-    long as its memory, before which it raises no alarm. covariance: (n_joint, n_joint), after the first row. warm: rows
-    before the alarms are on.
+    time: (n,), s. packed: (n, n_sample), as the filter takes them. u: (n, n_inputs), SI. fresh: (n, n_noisy), SI, sd
+    that the noise of inputs gains. noise: (n, n_outputs), SI, that of the sensors. mean, implicit: (n, n_joint),
+    (n, n_loops), after the sample. transition: (n, n_joint, n_joint), from the sample before; zero in the first row.
+    slope: (n, n_outputs, n_joint), of the readings. gain: (n, n_joint, n_outputs). spread: (n, n_outputs), sd of the
+    innovations, SI. counted, blanked: (n, n_outputs), whether the sums take the value, and whether they forget those
+    before. aged: (n, n_slow_errors), whether a slow error has been watched for as long as its memory, before which it
+    raises no alarm. covariance: (n_joint, n_joint), after the first row. warm: rows before the alarms are on.
     """
 
     time: FloatArray
-    dt: FloatArray
+    packed: FloatArray
     u: FloatArray
-    u_before: FloatArray
     fresh: FloatArray
     noise: FloatArray
     mean: FloatArray
@@ -110,9 +108,8 @@ def operate(model: StepModel, spec: EngineSpec, engine: Core, run: UsualRun | Se
     information = fields["use"] / (noise * fields["scale"])
     found = Operation(
         time=time,
-        dt=fields["dt"][:, 0],
+        packed=packed,
         u=fields["u"],
-        u_before=fields["u_before"],
         fresh=np.sqrt(fields["fresh"]),
         noise=np.sqrt(noise),
         mean=mean,

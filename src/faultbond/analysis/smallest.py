@@ -154,7 +154,7 @@ def smallest_faults(
         operation = operate(model, spec, engine, samples)
     windows = windows_of(spec, operation, _onset_rows(spec, operation, length, onsets), length)
     trials = Detector(spec, windows, operation.counted[windows.rows], operation.blanked[windows.rows], detector)
-    search = _Search(spec, Faults(model, spec, operation, windows.rows), trials, certainty)
+    search = _Search(spec, Faults(model, spec, engine, operation, windows.rows), trials, certainty)
     known = {item.name: item for item in fault_targets(spec, operation)}
     chosen = [known[name] for name in asked if name in known and name not in hidden]
     for name in asked:

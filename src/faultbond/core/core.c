@@ -205,6 +205,11 @@ void fb_advance_wide(int64_t n_lanes, int64_t n_samples, const double *samples, 
     filter_lanes_wide(n_lanes, n_samples, samples, numbers, innovations, &((Work *)memory)->filters.wide);
 }
 
+void fb_follow(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations, void *memory)
+{
+    follow_lanes_plain(n_lanes, n_samples, samples, numbers, innovations, &((Work *)memory)->filters.plain);
+}
+
 #ifdef FB_FLEETS
 int64_t fb_fleet_size(int64_t n_assets) { return (int64_t)(sizeof(Fleet) + (size_t)N_GROUPS(n_assets) * sizeof(Group)); }
 

@@ -91,6 +91,10 @@ void fb_advance_plain(int64_t n_lanes, int64_t n_samples, const double *samples,
 void fb_advance_wide(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations,
                      void *work);
 
+/* Plain lanes as plants that nobody watches: what samples bring to act on them moves their states and signals, and no reading
+   is taken in. innovations: [n_samples][N_OUTPUTS][n_lanes], readings less what the plants give. */
+void fb_follow(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations, void *work);
+
 /* A fleet: many assets of one model that see samples at the same times, watched side by side. It is fb_fleet_size bytes, and
    each thread needs fb_fleet_work_size bytes of memory, which is zero at first; both begin where a cache line does.
 

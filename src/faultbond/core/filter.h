@@ -38,6 +38,10 @@ FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const given *FB_RESTRICT
 FB_OF_FILTERS void filter_follow(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, lanes *FB_RESTRICT innovations,
                                  Filter *FB_RESTRICT work);
 
+/* The same with samples [n_samples][N_SAMPLE] and many lanes; see `fb_follow`. */
+FB_OF_FILTERS void follow_lanes(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers,
+                                double *innovations, Filter *FB_RESTRICT work);
+
 /* What a relation leaves at the moment of a sample, and its slope by state i: of a sensor, number `relation`, what it reads
    beyond what is expected; of a state, number relation - N_OUTPUTS, its rate. */
 FB_OF_FILTERS lanes left_of_relation(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, int relation, int i,
@@ -452,6 +456,21 @@ FB_OF_FILTERS void filter_follow(lanes *FB_RESTRICT lane, const double *FB_RESTR
     read_sensors(lane, lane, sample, lane + AT_IMPLICIT, innovations, slopes);
     for (int j = 0; j < N_OUTPUTS; j++) innovations[j] = sample[SAMPLE_Y + j] - innovations[j];
     for (int k = 0; k < N_PARAMETERS; k++) lane[AT_PARAMETERS + k] = clamp(lane[AT_PARAMETERS + k], LOWER[k], UPPER[k]);
+}
+
+FB_OF_FILTERS void follow_lanes(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers,
+                                double *innovations, Filter *FB_RESTRICT work)
+{
+    work->step.dt = NAN;
+    for (int64_t first = 0; first < n_lanes; first += FB_LANES) {
+        for (int64_t i = 0; i < N_NUMBERS; i++) work->lane[i] = load(numbers + i * n_lanes + first);
+        for (int64_t t = 0; t < n_samples; t++) {
+            filter_follow(work->lane, samples + t * N_SAMPLE, work->innovations, work);
+            double *out = innovations + t * N_OUTPUTS * n_lanes + first;
+            for (int64_t j = 0; j < N_OUTPUTS; j++) store(out + j * n_lanes, work->innovations[j]);
+        }
+        for (int64_t i = 0; i < N_NUMBERS; i++) store(numbers + i * n_lanes + first, work->lane[i]);
+    }
 }
 
 FB_OF_FILTERS lanes left_of_relation(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, int relation, int i,

@@ -212,16 +212,31 @@ class Core:
 
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Filter all lanes (n_numbers, n_lanes) over a block of samples (n_samples, n_sample); see `Engine.advance`."""
-        n, n_y = lanes.shape[1], len(self.spec.outputs)
-        padded = -(-n // LANES) * LANES
-        rows = np.ascontiguousarray(samples, dtype=np.float64)
-        numbers = np.empty((lanes.shape[0], padded))
-        numbers[:, :n] = lanes
-        numbers[:, n:] = lanes[:, :1]  # spare lanes repeat the first
-        innovations = np.empty((rows.shape[0], 2 * n_y, padded))
+        n, numbers, rows = lanes.shape[1], _padded(lanes), np.ascontiguousarray(samples, dtype=np.float64)
+        innovations = np.empty((len(rows), 2 * len(self.spec.outputs), numbers.shape[1]))
         call = self.library.fb_advance_wide if self.wide else self.library.fb_advance_plain
-        call(padded, rows.shape[0], at(rows), at(numbers), at(innovations), at(self.work))
+        call(numbers.shape[1], len(rows), at(rows), at(numbers), at(innovations), at(self.work))
         return np.ascontiguousarray(numbers[:, :n]), innovations[:, :, :n]
+
+    def follow(self, lanes: FloatArray, samples: FloatArray) -> FloatArray:
+        """Give what the sensors of plants (n_numbers, n_lanes) that nobody watches would read, SI.
+
+        Parameters
+        ----------
+        lanes : float array, shape (n_numbers, n_lanes)
+            Of states, slow errors, parameters and implicit signals alone; the rest is not looked at.
+        samples : float array, shape (n_samples, n_sample)
+            Packed; their readings count as nothing.
+
+        Returns
+        -------
+        readings : float array, shape (n_samples, n_outputs, n_lanes)
+        """
+        n, numbers, rows = lanes.shape[1], _padded(lanes), np.array(samples, dtype=np.float64, order="C")
+        rows[:, self.spec.sample_fields["y"]] = 0.0
+        innovations = np.empty((len(rows), len(self.spec.outputs), numbers.shape[1]))
+        self.library.fb_follow(numbers.shape[1], len(rows), at(rows), at(numbers), at(innovations), at(self.work))
+        return -innovations[:, :, :n]
 
     def course(self, lane: FloatArray, samples: FloatArray, place: slice) -> tuple[FloatArray, FloatArray]:
         """Filter a lane (n_numbers, 1) and give some of its numbers after each sample, besides its innovations.
@@ -240,6 +255,12 @@ class Core:
             call(LANES, 1, row + t * rows.strides[0], now, told + t * innovations.strides[0], work)
             found[t] = numbers[place, 0]
         return found, innovations[:, :, 0]
+
+
+def _padded(lanes: FloatArray) -> FloatArray:
+    """Give a copy of lanes (n_numbers, n), so many that all widths divide them: spare ones repeat the first."""
+    spare = -lanes.shape[1] % LANES
+    return np.ascontiguousarray(np.concatenate([lanes, np.repeat(lanes[:, :1], spare, axis=1)], axis=1))
 
 
 def _largest(spec: EngineSpec) -> int:
@@ -284,6 +305,7 @@ _CALLS: dict[str, tuple[Any, tuple[Any, ...]]] = {  # result and arguments
     "fb_go_on": (None, (_POINTER, _POINTER)),
     "fb_advance_plain": (None, (_LONG, _LONG, *[_POINTER] * 4)),
     "fb_advance_wide": (None, (_LONG, _LONG, *[_POINTER] * 4)),
+    "fb_follow": (None, (_LONG, _LONG, *[_POINTER] * 4)),
 }
 _FLEET_CALLS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "fb_fleet_size": (_LONG, (_LONG,)),
