@@ -17,6 +17,8 @@
 #include "layout.h"
 
 #define NEWTON_STEPS 10
+#define WELL_SOLVED 0.01 /* part of the misfit, a square, that is left */
+#define LAST_STEP 1e-9
 #define GAMMA (1.0 - 1.0 / FB_SQRT2)
 
 /* The columns c of v that state i feels. What it does not feel is not touched: zero times a slope without end is none. */
@@ -51,30 +53,39 @@ typedef struct {
 } Step;
 
 #ifdef FB_HOLDS_FILTERS
-/* Solve the implicit signals z in place. Each step tries parts and multiples of Newton's step and keeps the best: parts,
-   since an exponential is overshot from its flat side, and multiples, since from its steep side Newton's step is ever
-   the same small one. Where nothing moves any more, nothing will. */
+/* Solve the implicit signals z in place. A step of Newton's that leaves a tenth of the misfit or less is taken as it is. Else parts
+   and multiples of it are tried, and the best is kept: parts, since an exponential is overshot from its flat side, and multiples,
+   since from its steep side Newton's step is ever the same small one. After a step so small that its square is no digit of z, or
+   where nothing moves any more, nothing will; each lane ends by itself. */
 static void solve_implicit(const lanes *FB_RESTRICT v, const double *FB_RESTRICT u, lanes *FB_RESTRICT z)
 {
 #if N_IMPLICIT > 0
     static const double parts[] = {1.0 / 64, 1.0 / 16, 1.0 / 4, 1.0, 4.0, 16.0, 64.0};
-    for (int k = 0; k < NEWTON_STEPS; k++) {
+    mask open = (mask)(broadcast(0.0) < 1.0);
+    for (int k = 0; k < NEWTON_STEPS && any_of(open); k++) {
         lanes move[N_IMPLICIT], trial[N_IMPLICIT], kept[N_IMPLICIT], best, misfit;
-        mask moved = (mask)(broadcast(0.0) > 1.0);
+        mask is_last = open, moved = (mask)(broadcast(0.0) > 1.0);
         model_newton(v, u, z, move, &best);
-        memcpy(kept, z, sizeof kept);
-        for (unsigned p = 0; p < sizeof parts / sizeof parts[0]; p++) {
+        for (int i = 0; i < N_IMPLICIT; i++) {
+            trial[i] = z[i] + move[i];
+            is_last = is_last & (magnitude(move[i]) <= LAST_STEP * magnitude(z[i]));
+        }
+        model_misfit(v, u, trial, &misfit);
+        const mask taken = (misfit <= WELL_SOLVED * best) | (is_last & (misfit <= best)); /* false where it is no number */
+        for (int i = 0; i < N_IMPLICIT; i++) kept[i] = choose(taken, trial[i], z[i]);
+        const mask sought = opposite(taken | is_last);
+        for (unsigned p = 0; any_of(open & sought) && p < sizeof parts / sizeof parts[0]; p++) {
             for (int i = 0; i < N_IMPLICIT; i++) trial[i] = z[i] + parts[p] * move[i];
             model_misfit(v, u, trial, &misfit);
-            const mask better = misfit <= best; /* false where it is no number: a wild step is never kept */
+            const mask better = sought & (misfit <= best); /* a wild step is never kept */
             for (int i = 0; i < N_IMPLICIT; i++) kept[i] = choose(better, trial[i], kept[i]);
             best = choose(better, misfit, best);
         }
         for (int i = 0; i < N_IMPLICIT; i++) {
             moved = moved | (kept[i] != z[i]);
-            z[i] = kept[i];
+            z[i] = choose(open, kept[i], z[i]);
         }
-        if (!any_of(moved)) break;
+        open = open & moved & opposite(is_last);
     }
 #else
     (void)v, (void)u, (void)z;
