@@ -18,6 +18,7 @@ from faultbond.fit.ascent import Finish
 from faultbond.fit.cure import Cure, cured, strayed
 from faultbond.fit.foothold import Footing, as_found, values_of
 from faultbond.fit.further import better, held_until
+from faultbond.fit.ground import COARSE
 from faultbond.fit.healthy_changes import healthy_changes
 from faultbond.fit.held_back import Recordings, parted
 from faultbond.fit.identification import Fit, Halted, Prior, fit_plant
@@ -49,7 +50,6 @@ SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a st
 PATIENCE = 60.0  # s of a processor for the smallest faults of a model; usual plants take 2 to 10
 SPARE = 1.05  # times what it takes: a wider accuracy lets a parameter move a little farther
 LOWERED = (1.0, 0.5, 0.25)  # parts of the way to what recordings say of slow errors, as ratios, that are tried
-COARSE = 1e-4  # part of what a climb of the first fit has gained: no model is right in which something is missing
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 
 Smallest = tuple[SmallestFault, ...]

@@ -47,6 +47,7 @@ from faultbond.model.graph import BondGraph, Parameter
 
 TURNS = 15  # steps of a climb that compares
 NEARLY = 0.01  # part of what such a climb has gained, that the next step may bring where it ends
+COARSE = 1e-4  # the same of a climb of all recordings: no model is right in which something is missing
 MOST_PART = 0.5  # a relative error is not larger
 LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # samples
 RATES = (0.003, 0.006, 0.012, 0.025, 0.05, 0.1, 0.2, 0.5)  # parts of the largest move of an input, in a sample
@@ -304,7 +305,7 @@ class Ground:
             begin = max(begins, key=lambda point: likelihood_value(plant, records, point))
         anchor = self.begin_of(records, search.begin).starts
         wide = unknowns.widened(self.widths(unknowns))
-        finish = Finish(CLOSE_ENOUGH, NEARLY if few else 0.0)
+        finish = Finish(CLOSE_ENOUGH, NEARLY if few else COARSE)
         summit = ascend(plant, records, begin, wide, anchor=anchor, turns=TURNS, finish=finish)
         found = unknowns.fill(plant.base, summit.point.values)[0]
         ahead = foretold(plant, search.held, self.begin_of(search.held, search.begin_held), found)
