@@ -29,6 +29,11 @@
     for (int place_ = REACH_ROW[i], c; place_ < REACH_ROW[(i) + 1] && (c = REACH_COLUMN[place_], 1); place_++)
 #endif
 
+/* Whether slopes by column c of v are asked for: inputs may have some for `find_force` alone. */
+#ifndef IS_SLOPED
+#define IS_SLOPED(c) 1
+#endif
+
 /* Where the laws are linear, slopes are the same in all lanes. */
 #if RATES_ARE_LINEAR
 typedef double steep;
@@ -152,8 +157,9 @@ static void chain(const steep *FB_RESTRICT slopes, steep (*FB_RESTRICT by)[N_V],
     for (int i = 0; i < N_STATES; i++)
         for (int e = RATE_ROW[i]; e < RATE_ROW[i + 1]; e++) {
             const int column = RATE_COLUMN[e];
-            if (column >= N_STATES) result[i][column] += slopes[e];
-            else FOR_REACH (column, c) result[i][c] += slopes[e] * by[column][c];
+            if (column >= N_STATES) {
+                if (IS_SLOPED(column)) result[i][column] += slopes[e];
+            } else FOR_REACH (column, c) result[i][c] += slopes[e] * by[column][c];
         }
 }
 
@@ -164,7 +170,8 @@ static void begin_slopes(const steep *FB_RESTRICT slopes, double h, int first, S
     factorise(slopes, GAMMA * h, step->m);
     for (int i = 0; i < N_STATES; i++) {
         FOR_REACH (i, c) step->k1[i][c] = STEEP(0.0);
-        for (int e = RATE_ROW[i]; first && e < RATE_ROW[i + 1]; e++) step->k1[i][RATE_COLUMN[e]] = slopes[e];
+        for (int e = RATE_ROW[i]; first && e < RATE_ROW[i + 1]; e++)
+            if (IS_SLOPED(RATE_COLUMN[e])) step->k1[i][RATE_COLUMN[e]] = slopes[e];
     }
     if (!first) chain(slopes, step->slope, step->k1);
     solve_slopes(step->m, step->k1);

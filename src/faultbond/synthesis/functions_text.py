@@ -22,9 +22,16 @@ def reached(entries: Sequence[tuple[int, int]], n_x: int, n_v: int) -> BoolArray
     return reach
 
 
-def step_tables(entries: Sequence[tuple[int, int]], n_x: int, n_v: int) -> Iterable[str]:
-    """Give where the slopes of the rates stand, what each state feels in a step, and what elimination fills in."""
+def step_tables(
+    entries: Sequence[tuple[int, int]], n_x: int, n_v: int, *, sloped: BoolArray | None = None
+) -> Iterable[str]:
+    """Give where the slopes of the rates stand, what each state feels in a step, and what elimination fills in.
+
+    sloped : (n_v,), entries of v by which slopes are asked for; None: all
+    """
     slopes, reach = _pattern(entries, n_x, n_v), reached(entries, n_x, n_v)
+    if sloped is not None:
+        reach &= sloped
     yield from ragged_table("RATE", [np.flatnonzero(row) for row in slopes], "COLUMN")
     reaches_all = n_x > 0 and bool(reach.all())
     yield f"#define REACHES_ALL {int(reaches_all)}"
