@@ -37,7 +37,7 @@ from faultbond.runtime.core import Core
 WITHIN_SAMPLES = 300  # default time in which the fault is to be found
 CERTAINTY = 0.95
 ONSETS = 4
-SECONDS = 20.0  # of processor time, for all parameters together; usual plants take 1 to 6
+SECONDS = 20.0  # of processor time, for all parameters together; usual plants take 1 to 3, large ones with loops 13
 NO_RANGE = "its range leaves no room for a change"
 NO_EFFECT = "no sensor shows it"
 NO_SOLUTION = "not found before the plant has no finite solution any more"
