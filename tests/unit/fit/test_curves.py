@@ -654,9 +654,9 @@ def bent_cooler(inside: frozenset[str] = frozenset(), more: str = "") -> tuple[B
     return graph, new, Ground(cast(Search, fake), bent, model, lambda: cast(Likelihood, None))
 
 
-@pytest.mark.parametrize("few", [True, False])
-def test_only_a_climb_that_compares_ends_early(few: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is kept is fitted until a step brings nothing; where candidates compare, a part of the gain may be left."""
+@pytest.mark.parametrize(("few", "most"), [(True, 0.05), (False, 1e-4)])
+def test_a_climb_that_compares_ends_earlier(few: bool, most: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what is kept a ten thousandth of the gain may be left; where candidates compare, some hundredths."""
     graph, (power, _), ground = bent_cooler()
     left: list[float] = []
 
@@ -667,8 +667,8 @@ def test_only_a_climb_that_compares_ends_early(few: bool, monkeypatch: pytest.Mo
     monkeypatch.setattr(ground_module, "ascend", stop)
     with pytest.raises(InterruptedError):
         ground.climbed(Footing(graph=graph, values={}, starts={}), power, few=few)
-    assert [part > 0.0 for part in left] == [few]
-    assert max(left) < 0.05
+    assert len(left) == 1
+    assert most / 10.0 < left[0] <= most
 
 
 def test_a_slow_error_may_be_as_large_as_declared_again() -> None:
