@@ -8,8 +8,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.errors import GenerationError
-
-_LANES = 8  # of a call, or some times as many: all widths of the compiled loops divide it
+from faultbond.runtime.core import padded
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,14 +26,10 @@ class CompiledLikelihood:
 
         lanes : shape (n_numbers, n_lanes)
         """
-        n, rows = lanes.shape[1], np.ascontiguousarray(samples, dtype=np.float64)
-        padded = -(-n // _LANES) * _LANES
-        numbers = np.empty((lanes.shape[0], padded))
-        numbers[:, :n] = lanes
-        numbers[:, n:] = lanes[:, :1]  # spare lanes repeat the first
-        seen = np.empty((rows.shape[0], self.n_seen, padded))
+        n, numbers, rows = lanes.shape[1], padded(lanes), np.ascontiguousarray(samples, dtype=np.float64)
+        seen = np.empty((len(rows), self.n_seen, numbers.shape[1]))
         self.library.faultbond_advance(
-            ctypes.c_int64(padded),
+            ctypes.c_int64(numbers.shape[1]),
             ctypes.c_int64(rows.shape[0]),
             *(ctypes.c_void_p(item.ctypes.data) for item in (rows, numbers, seen)),
         )

@@ -212,7 +212,7 @@ class Core:
 
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Filter all lanes (n_numbers, n_lanes) over a block of samples (n_samples, n_sample); see `Engine.advance`."""
-        n, numbers, rows = lanes.shape[1], _padded(lanes), np.ascontiguousarray(samples, dtype=np.float64)
+        n, numbers, rows = lanes.shape[1], padded(lanes), np.ascontiguousarray(samples, dtype=np.float64)
         innovations = np.empty((len(rows), 2 * len(self.spec.outputs), numbers.shape[1]))
         call = self.library.fb_advance_wide if self.wide else self.library.fb_advance_plain
         call(numbers.shape[1], len(rows), at(rows), at(numbers), at(innovations), at(self.work))
@@ -232,7 +232,7 @@ class Core:
         -------
         readings : float array, shape (n_samples, n_outputs, n_lanes)
         """
-        n, numbers, rows = lanes.shape[1], _padded(lanes), np.array(samples, dtype=np.float64, order="C")
+        n, numbers, rows = lanes.shape[1], padded(lanes), np.array(samples, dtype=np.float64, order="C")
         rows[:, self.spec.sample_fields["y"]] = 0.0
         innovations = np.empty((len(rows), len(self.spec.outputs), numbers.shape[1]))
         self.library.fb_follow(numbers.shape[1], len(rows), at(rows), at(numbers), at(innovations), at(self.work))
@@ -257,7 +257,7 @@ class Core:
         return found, innovations[:, :, 0]
 
 
-def _padded(lanes: FloatArray) -> FloatArray:
+def padded(lanes: FloatArray) -> FloatArray:
     """Give a copy of lanes (n_numbers, n), so many that all widths divide them: spare ones repeat the first."""
     spare = -lanes.shape[1] % LANES
     return np.ascontiguousarray(np.concatenate([lanes, np.repeat(lanes[:, :1], spare, axis=1)], axis=1))
