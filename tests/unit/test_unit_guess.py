@@ -152,3 +152,31 @@ def test_a_trial_ends_where_the_plant_is_lost(at: int, most: int, quiet: bool) -
     samples = Samples(time=np.arange(200.0), dt=np.ones(200), u=nothing, y=nothing)
     assert _is_quiet(cast(Watcher, watcher), samples) is quiet
     assert watcher.taken == most
+
+
+HEATED = """\
+name: heated vessel, judged while it heats
+sample_time: 60 s
+valid_when: u > 0.2
+inputs: {u: {unit: "1"}}
+components:
+  heat: {type: Sf, law: f = P*u, parameters: {P: 2 kW}}
+  vessel: {type: C, law: q = C*e, parameters: {C: {nominal: 200 kJ/K, suspect: no}}}
+  loss: {type: R, law: f = UA*e, parameters: {UA: 30 W/K}}
+junctions: {node: 0}
+bonds: [heat -> node -> vessel, node -> loss]
+sensors: {T: {reads: node.e, unit: K, noise: 0.1 K}}
+"""
+
+
+def test_where_nothing_is_judged_no_unit_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With the other sign, or in degrees, the heater is never on and the model never holds: that is not quiet."""
+    model, made = tmp_path / "model.yaml", tmp_path / "made.csv"
+    model.write_text(HEATED)
+    time = 60.0 * np.arange(700)
+    u = 0.6 + 0.2 * np.sin(time / 3000.0)
+    (tmp_path / "u.csv").write_text("\n".join(["time,u", *(f"{t:.0f},{x:.3f}" for t, x in zip(time, u, strict=True))]))
+    words = ["simulate", str(model), "--inputs", str(tmp_path / "u.csv"), "--fault", "UA=x1.5@15000", "--seed", "3"]
+    assert main([*words, "-o", str(made)]) == 0
+    assert main(["run", str(model), str(made)]) == 1
+    assert "looks as if" not in "".join(capsys.readouterr())

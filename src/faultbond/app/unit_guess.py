@@ -25,7 +25,8 @@ MOST_SIGNALS = 12  # that are tried, those in which the alarm was raised first
 MOST_NAMED = 3  # signals; where more would do, any would
 FEW = 0.01  # of the values may be refused as wild
 PART = 20  # samples that are watched before anyone looks
-_LOST = STATUSES.index(Status.LOST)
+JUDGED = 0.9  # of the samples up to the alarm that were judged must be so: where the model never holds, all is quiet
+_LOST, _OUTSIDE = STATUSES.index(Status.LOST), STATUSES.index(Status.OUTSIDE)
 PERCENT, FRACTION = "percent", "parts of 1"
 TURNED = "turned round"
 USUAL = (  # units that are mixed up, by kind
@@ -121,7 +122,8 @@ def guess_units(watchers: Iterator[Watcher], points: Iterable[PointBlock], alarm
         return ()
     if any(_is_stuck(begin.y[:, k]) for k, item in enumerate(watcher.spec.outputs) if item.name in alarm.signals):
         return ()  # what stands is no matter of units
-    found = []
+    until, found = alarm.sample + 1, []
+    least = JUDGED * _judged(watcher, begin[:until])
     for other in _others(watcher.spec, alarm.signals, len(begin)):
         u, y = begin.u.copy(), begin.y.copy()
         column = (y if other.is_sensor else u)[:, other.place]
@@ -129,7 +131,8 @@ def guess_units(watchers: Iterator[Watcher], points: Iterable[PointBlock], alarm
         column[:] = other.factor * column + other.shift
         if not other.is_sensor and not _is_likelier(column, declared, watcher.spec.inputs[other.place].fitted_range):
             continue
-        if _is_quiet(next(watchers), replace(begin, u=u, y=y)):
+        read = replace(begin, u=u, y=y)
+        if _is_quiet(next(watchers), read) and _judged(next(watchers), read[:until]) >= least:
             found.append(other.guess)
     return tuple(found) if len({item.name for item in found}) <= MOST_NAMED else ()
 
@@ -161,6 +164,11 @@ def _is_stuck(readings: FloatArray) -> bool:
     """Whether a sensor (n,) gave the same value again and again."""
     told = readings[np.isfinite(readings)]
     return len(told) > LEAST and bool(np.ptp(told) == 0.0)
+
+
+def _judged(watcher: Watcher, samples: Samples) -> int:
+    """Give how many samples are judged: those at which the model holds."""
+    return int(np.sum(watcher.take(samples).status != _OUTSIDE))
 
 
 def _is_quiet(watcher: Watcher, samples: Samples) -> bool:
