@@ -5,6 +5,7 @@ import os
 import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -1215,6 +1216,33 @@ def test_a_signal_once_a_climb_has_ended_keeps_what_that_found(
     whole = 2 if quiet else 3  # until quiet two starts that agree are enough
     assert (fitted["settled"], fitted["starts"]) == (False, 1 if what.startswith("start") else whole)
     assert fitted["stopped"]
+    assert load_model(output).parameter("R").nominal == pytest.approx(R, rel=0.02)
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said == f"faultbond: stopped: the model as it was found by then is in {output}."
+
+
+@pytest.mark.parametrize(
+    ("module", "what"),
+    [
+        ("faultbond.fit.wander", "wanders_of"),
+        ("faultbond.fit.healthy_changes", "healthy_changes"),
+        ("faultbond.app.quiet_fit", "alarms_with"),
+    ],
+)
+def test_a_signal_once_all_is_fitted_keeps_it(
+    module: str,
+    what: str,
+    model: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """What is asked of a fit beyond its values takes minutes, too; who stops it then has the values."""
+    found_in = import_module(module)  # by its name, since `fit` is a function in the package
+    monkeypatch.setattr(found_in, what, lambda *_: os.kill(os.getpid(), signal.SIGTERM))
+    made = [write(tmp_path / f"{seed}.csv", seed=seed) for seed in (1, 2)]
+    output = tmp_path / "found.yaml"
+    assert main(["fit", *map(str, (model, *made)), "--starts", "1", "-o", str(output)]) == 128 + signal.SIGTERM
     assert load_model(output).parameter("R").nominal == pytest.approx(R, rel=0.02)
     said = capsys.readouterr().err.splitlines()[-1]
     assert said == f"faultbond: stopped: the model as it was found by then is in {output}."

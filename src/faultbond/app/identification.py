@@ -173,25 +173,34 @@ def identified(
                 stopped=quieted.stopped,
                 failed=quieted.failed,
             )
-        from faultbond.report.doubts import earlier_doubt  # noqa: PLC0415 - needed here alone
-
-        fitted, stopped = _fitted(graph, read, wishes, tell)
-        fitted = replace(fitted, doubt=earlier_doubt(text))
-        text = fitted.model_text(text)
-        if stopped is None:
-            fitted = _tried_out(text, fitted, read, tell)
-    text = fitted.with_false_alarms(text)
+        stages, stopped = _stages(text, graph, read, wishes, tell), None
+        fitted = next(stages)
+        try:
+            for further in stages:
+                fitted = further
+        except KeyboardInterrupt as error:
+            asked_to = stop_of(error)
+            if asked_to is None:
+                raise
+            stopped = asked_to.number
+    text = fitted.with_false_alarms(fitted.model_text(text))
     return Identified(graph=graph, fitted=fitted, quieted=None, text=text, stopped=stopped)
 
 
-def _fitted(
-    graph: BondGraph, read: tuple[tuple[str, list[Sample]], ...], wishes: FitWishes, tell: Callable[[str], None]
-) -> tuple[Any, int | None]:
-    """Fit a model as it stands; give what was found, and the signal that ended it, if one did."""
+def _stages(
+    text: str,
+    graph: BondGraph,
+    read: tuple[tuple[str, list[Sample]], ...],
+    wishes: FitWishes,
+    tell: Callable[[str], None],
+) -> Iterator[Any]:
+    """Fit a model as it stands, a text; give what is found after each stage, so that who stops one has the others."""
+    from faultbond.app.quiet_fit import alarms_with  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.fit.healthy_changes import healthy_changes  # noqa: PLC0415 - loads scipy
     from faultbond.fit.identification import Halted, Prior, fit_plant  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.fit.session import build_fit, free_parameters  # noqa: PLC0415 - loads casadi
     from faultbond.fit.wander import wanders_of  # noqa: PLC0415 - loads casadi
+    from faultbond.report.doubts import earlier_doubt  # noqa: PLC0415 - needed here alone
     from faultbond.report.fit_result import fitted_model  # noqa: PLC0415 - loads rich
     from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
 
@@ -200,25 +209,22 @@ def _fitted(
     core = build_watcher(graph)
     likelihood = likelihood_engine(step_model)
     plant, records, begin = build_fit(step_model, likelihood, core, read, parameters, wishes.own)
-    prior = Prior(wishes.prior)
+    prior, doubt, version = Prior(wishes.prior), earlier_doubt(text), core.spec.version
     try:
         found = fit_plant(plant, records, begin, prior=prior, starts=wishes.starts, seed=wishes.seed, tell=tell)
     except Halted as halted:
-        asked_to = stop_of(halted)
-        if asked_to is None:
-            raise
-        return fitted_model(graph, halted.fit(), core.spec.version), asked_to.number
-    fitted = fitted_model(graph, found, core.spec.version, wanders_of(graph, found, likelihood_engine, tell))
+        yield replace(fitted_model(graph, halted.fit(), version), doubt=doubt)
+        raise
+    yield replace(fitted_model(graph, found, version), doubt=doubt)
+    fitted = replace(
+        fitted_model(graph, found, version, wanders_of(graph, found, likelihood_engine, tell)), doubt=doubt
+    )
+    yield fitted
     tell("asking how far parameters seem to move while healthy")
-    return replace(fitted, healthy_changes=healthy_changes(core, found.records, fitted.believed)), None
-
-
-def _tried_out(text: str, fitted: Any, read: tuple[tuple[str, list[Sample]], ...], tell: Callable[[str], None]) -> Any:
-    """Ask whether a fitted model, a text, alarms on the recordings; give what was found with that."""
-    from faultbond.app.quiet_fit import alarms_with  # noqa: PLC0415 - loads casadi and scipy
-
+    fitted = replace(fitted, healthy_changes=healthy_changes(core, found.records, fitted.believed))
+    yield fitted
     tell("asking whether it alarms on the recordings")
-    return replace(fitted, alarms=alarms_with(text, fitted.graph.file, read))
+    yield replace(fitted, alarms=alarms_with(fitted.model_text(text), graph.file, read))
 
 
 def _quieted(
