@@ -1248,6 +1248,21 @@ def test_a_signal_once_all_is_fitted_keeps_it(
     assert said == f"faultbond: stopped: the model as it was found by then is in {output}."
 
 
+def test_an_error_once_all_is_fitted_loses_nothing(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The values are written, and the error is told as ever."""
+
+    def fail(*_: object) -> None:
+        raise FaultbondError("no room")
+
+    monkeypatch.setattr(quiet_fit, "alarms_with", fail)
+    made, output = write(tmp_path / "1.csv", seed=1), tmp_path / "found.yaml"
+    assert main(["fit", str(model), str(made), "--starts", "1", "-o", str(output)]) not in {DONE, 1}
+    assert load_model(output).parameter("R").nominal == pytest.approx(R, rel=0.02)
+    assert "no room" in capsys.readouterr().err.splitlines()[-1]
+
+
 @pytest.mark.parametrize("name", ["_raised", "_smallest"])
 def test_a_signal_after_the_search_keeps_what_was_on_trial(
     name: str, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

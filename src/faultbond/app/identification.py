@@ -17,7 +17,7 @@ from faultbond.app.model_check import write
 from faultbond.app.presence import silent_of
 from faultbond.app.rows import naming, no_time, pace_of, sample_of, texts_of
 from faultbond.app.section import Section
-from faultbond.app.signals import SIGNALLED, Stopped, stop_of
+from faultbond.app.signals import SIGNALLED, Stopped, last_of
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.contract.silence import INPUT, SENSOR, seconds
@@ -173,18 +173,15 @@ def identified(
                 stopped=quieted.stopped,
                 failed=quieted.failed,
             )
-        stages, stopped = _stages(text, graph, read, wishes, tell), None
-        fitted = next(stages)
-        try:
-            for further in stages:
-                fitted = further
-        except KeyboardInterrupt as error:
-            asked_to = stop_of(error)
-            if asked_to is None:
-                raise
-            stopped = asked_to.number
-    text = fitted.with_false_alarms(fitted.model_text(text))
-    return Identified(graph=graph, fitted=fitted, quieted=None, text=text, stopped=stopped)
+        fitted, ended = last_of(_stages(text, graph, read, wishes, tell))
+    return Identified(
+        graph=graph,
+        fitted=fitted,
+        quieted=None,
+        text=fitted.with_false_alarms(fitted.model_text(text)),
+        stopped=ended.number if isinstance(ended, Stopped) else None,
+        failed=ended if isinstance(ended, Exception) else None,
+    )
 
 
 def _stages(

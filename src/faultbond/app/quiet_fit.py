@@ -10,7 +10,7 @@ from faultbond.analysis.smallest import SmallestFault, smallest_faults
 from faultbond.app.engine import build_watcher
 from faultbond.app.likelihood import begun_likelihood, likelihood_engine
 from faultbond.app.realisations import compiled_detector
-from faultbond.app.signals import stop_of
+from faultbond.app.signals import Stopped, last_of
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
@@ -96,20 +96,11 @@ def fit_until_quiet(
     Stopped
         Where somebody stops it before the first climb has ended.
     """
-    steps = _steps(text, graph, read, wishes, tell, warn)
-    found = next(steps)
-    try:
-        for further in steps:
-            found = further
-    except KeyboardInterrupt as stopped:
-        asked_to = stop_of(stopped)
-        if asked_to is None:
-            raise
+    found, ended = last_of(_steps(text, graph, read, wishes, tell, warn))
+    if isinstance(ended, Stopped):
         tell("working out what was found by then")
-        return replace(_by_then(found(), graph, read), stopped=asked_to.number)
-    except Exception as error:
-        return replace(_by_then(found(), graph, read), failed=error)
-    return found()
+        return replace(_by_then(found(), graph, read), stopped=ended.number)
+    return found() if ended is None else replace(_by_then(found(), graph, read), failed=ended)
 
 
 def _by_then(now: Quieted, stated: BondGraph, read: Recordings) -> Quieted:

@@ -25,6 +25,21 @@ def stop_of(error: BaseException) -> Stopped | None:
     return told if isinstance(told, Stopped) else None
 
 
+def last_of(stages: Iterator[Item]) -> tuple[Item, Stopped | Exception | None]:
+    """Give the last of what stages find one after the other, and what ended them early; the first may raise."""
+    found = next(stages)
+    try:
+        for further in stages:
+            found = further
+    except KeyboardInterrupt as error:
+        if (stopped := stop_of(error)) is None:
+            raise
+        return found, stopped
+    except Exception as error:
+        return found, error
+    return found, None
+
+
 class Stopping:
     """Takes the signals that stop the program while it is entered; one that is ignored, as by `nohup`, stays so.
 

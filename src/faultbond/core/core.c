@@ -196,18 +196,18 @@ void fb_go_on(void *state, const double *lane)
 void fb_advance_plain(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations,
                       void *memory)
 {
-    filter_lanes_plain(n_lanes, n_samples, samples, numbers, innovations, &((Work *)memory)->filters.plain);
+    filter_lanes_plain(n_lanes, n_samples, samples, numbers, innovations, 0, &((Work *)memory)->filters.plain);
 }
 
 void fb_advance_wide(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations,
                      void *memory)
 {
-    filter_lanes_wide(n_lanes, n_samples, samples, numbers, innovations, &((Work *)memory)->filters.wide);
+    filter_lanes_wide(n_lanes, n_samples, samples, numbers, innovations, 0, &((Work *)memory)->filters.wide);
 }
 
 void fb_follow(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations, void *memory)
 {
-    follow_lanes_plain(n_lanes, n_samples, samples, numbers, innovations, &((Work *)memory)->filters.plain);
+    filter_lanes_plain(n_lanes, n_samples, samples, numbers, innovations, 1, &((Work *)memory)->filters.plain);
 }
 
 #ifdef FB_FLEETS

@@ -92,7 +92,7 @@ void fb_advance_wide(int64_t n_lanes, int64_t n_samples, const double *samples, 
                      void *work);
 
 /* Plain lanes as plants that nobody watches: what samples bring to act on them moves their states and signals, and no reading
-   is taken in. innovations: [n_samples][N_OUTPUTS][n_lanes], readings less what the plants give. */
+   is taken in: innovations are readings less what the plants give, and variances zero. */
 void fb_follow(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations, void *work);
 
 /* A fleet: many assets of one model that see samples at the same times, watched side by side. It is fb_fleet_size bytes, and

@@ -38,19 +38,16 @@ FB_OF_FILTERS void filter_step(lanes *FB_RESTRICT lane, const given *FB_RESTRICT
 FB_OF_FILTERS void filter_follow(lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, lanes *FB_RESTRICT innovations,
                                  Filter *FB_RESTRICT work);
 
-/* The same with samples [n_samples][N_SAMPLE] and many lanes; see `fb_follow`. */
-FB_OF_FILTERS void follow_lanes(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers,
-                                double *innovations, Filter *FB_RESTRICT work);
-
 /* What a relation leaves at the moment of a sample, and its slope by state i: of a sensor, number `relation`, what it reads
    beyond what is expected; of a state, number relation - N_OUTPUTS, its rate. */
 FB_OF_FILTERS lanes left_of_relation(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, int relation, int i,
                                      lanes *FB_RESTRICT slope);
 #endif
 
-/* Take samples [n_samples][N_SAMPLE] into lanes without a state; see `fb_advance_plain`. */
+/* Take samples [n_samples][N_SAMPLE] into lanes without a state, see `fb_advance_plain`; where plain ones follow them alone, see
+   `fb_follow`, there are no variances, and zeros in their place. */
 FB_OF_FILTERS void filter_lanes(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers,
-                                double *innovations, Filter *FB_RESTRICT work);
+                                double *innovations, int follows, Filter *FB_RESTRICT work);
 
 #if N_SIGNALS > 0
 /* What lanes expect of the signals that a person can measure by hand, [N_SIGNALS], SI, under these inputs. */
@@ -458,21 +455,6 @@ FB_OF_FILTERS void filter_follow(lanes *FB_RESTRICT lane, const double *FB_RESTR
     for (int k = 0; k < N_PARAMETERS; k++) lane[AT_PARAMETERS + k] = clamp(lane[AT_PARAMETERS + k], LOWER[k], UPPER[k]);
 }
 
-FB_OF_FILTERS void follow_lanes(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers,
-                                double *innovations, Filter *FB_RESTRICT work)
-{
-    work->step.dt = NAN;
-    for (int64_t first = 0; first < n_lanes; first += FB_LANES) {
-        for (int64_t i = 0; i < N_NUMBERS; i++) work->lane[i] = load(numbers + i * n_lanes + first);
-        for (int64_t t = 0; t < n_samples; t++) {
-            filter_follow(work->lane, samples + t * N_SAMPLE, work->innovations, work);
-            double *out = innovations + t * N_OUTPUTS * n_lanes + first;
-            for (int64_t j = 0; j < N_OUTPUTS; j++) store(out + j * n_lanes, work->innovations[j]);
-        }
-        for (int64_t i = 0; i < N_NUMBERS; i++) store(numbers + i * n_lanes + first, work->lane[i]);
-    }
-}
-
 FB_OF_FILTERS lanes left_of_relation(const lanes *FB_RESTRICT lane, const double *FB_RESTRICT sample, int relation, int i,
                                      lanes *FB_RESTRICT slope)
 {
@@ -498,12 +480,19 @@ FB_OF_FILTERS lanes left_of_relation(const lanes *FB_RESTRICT lane, const double
 #endif
 
 FB_OF_FILTERS void filter_lanes(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers,
-                                double *innovations, Filter *FB_RESTRICT work)
+                                double *innovations, int follows, Filter *FB_RESTRICT work)
 {
     work->step.dt = NAN;
+    for (int64_t i = 0; i < 2 * N_OUTPUTS; i++) work->innovations[i] = broadcast(0.0);
     for (int64_t first = 0; first < n_lanes; first += FB_LANES) {
         for (int64_t i = 0; i < N_NUMBERS; i++) work->lane[i] = load(numbers + i * n_lanes + first);
         for (int64_t t = 0; t < n_samples; t++) {
+#if !N_SLOT
+            if (follows) filter_follow(work->lane, samples + t * N_SAMPLE, work->innovations, work);
+            else
+#else
+            (void)follows;
+#endif
             filter_step(work->lane, samples + t * N_SAMPLE, work->innovations, work);
             double *out = innovations + t * 2 * N_OUTPUTS * n_lanes + first;
             for (int64_t i = 0; i < 2 * N_OUTPUTS; i++) store(out + i * n_lanes, work->innovations[i]);

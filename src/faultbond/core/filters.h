@@ -53,7 +53,6 @@
 #define update_again OF_KIND(update_again)
 #define filter_step OF_KIND(filter_step)
 #define filter_follow OF_KIND(filter_follow)
-#define follow_lanes OF_KIND(follow_lanes)
 #define left_of_relation OF_KIND(left_of_relation)
 #define filter_lanes OF_KIND(filter_lanes)
 #define expect_signals OF_KIND(expect_signals)
@@ -151,7 +150,6 @@ void filter_step_one(double *lane, const double *sample, double *innovations, do
 #undef update_again
 #undef filter_step
 #undef filter_follow
-#undef follow_lanes
 #undef left_of_relation
 #undef filter_lanes
 #undef expect_signals

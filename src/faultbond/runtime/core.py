@@ -212,11 +212,8 @@ class Core:
 
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Filter all lanes (n_numbers, n_lanes) over a block of samples (n_samples, n_sample); see `Engine.advance`."""
-        n, numbers, rows = lanes.shape[1], padded(lanes), np.ascontiguousarray(samples, dtype=np.float64)
-        innovations = np.empty((len(rows), 2 * len(self.spec.outputs), numbers.shape[1]))
         call = self.library.fb_advance_wide if self.wide else self.library.fb_advance_plain
-        call(numbers.shape[1], len(rows), at(rows), at(numbers), at(innovations), at(self.work))
-        return np.ascontiguousarray(numbers[:, :n]), innovations[:, :, :n]
+        return self._through(call, lanes, samples)
 
     def follow(self, lanes: FloatArray, samples: FloatArray) -> FloatArray:
         """Give what the sensors of plants (n_numbers, n_lanes) that nobody watches would read, SI.
@@ -232,11 +229,16 @@ class Core:
         -------
         readings : float array, shape (n_samples, n_outputs, n_lanes)
         """
-        n, numbers, rows = lanes.shape[1], padded(lanes), np.array(samples, dtype=np.float64, order="C")
+        rows = samples.copy()
         rows[:, self.spec.sample_fields["y"]] = 0.0
-        innovations = np.empty((len(rows), len(self.spec.outputs), numbers.shape[1]))
-        self.library.fb_follow(numbers.shape[1], len(rows), at(rows), at(numbers), at(innovations), at(self.work))
-        return -innovations[:, :, :n]
+        return -self._through(self.library.fb_follow, lanes, rows)[1][:, : len(self.spec.outputs)]
+
+    def _through(self, call: Any, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Give lanes after a call that takes a block of samples into them, and what it tells of each sample."""
+        n, numbers, rows = lanes.shape[1], padded(lanes), np.ascontiguousarray(samples, dtype=np.float64)
+        told = np.empty((len(rows), 2 * len(self.spec.outputs), numbers.shape[1]))
+        call(numbers.shape[1], len(rows), at(rows), at(numbers), at(told), at(self.work))
+        return np.ascontiguousarray(numbers[:, :n]), told[:, :, :n]
 
     def course(self, lane: FloatArray, samples: FloatArray, place: slice) -> tuple[FloatArray, FloatArray]:
         """Filter a lane (n_numbers, 1) and give some of its numbers after each sample, besides its innovations.
