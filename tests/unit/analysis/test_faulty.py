@@ -57,3 +57,15 @@ def test_the_core_plays_the_plant_as_it_is_stated(model: StepModel) -> None:
         assert np.all(np.abs(shown.largest[c] - np.abs(seen).max(axis=(0, 1))) < least)
         for o, row in enumerate(rows):  # the first innovation is the first move, since nothing is learned yet
             assert np.all(np.abs(shown.innovations[0, c, o] * operation.spread[row[0]] - seen[o][0]) < least)
+
+
+def test_a_plant_is_played_alike_whatever_is_beside_it() -> None:
+    """Each lane ends its search for implicit signals by itself: to the last digit, with one plant and with many."""
+    model = stated(LAMP)
+    spec, (_, engine) = build_spec(model), build_engine(model.plant.graph)
+    operation = usual_operation(model, spec, engine, 300)
+    faults = Faults(model, spec, engine, operation, np.array([[150]]) + np.arange(60))
+    starts = np.stack([faults._changed(k, by)[0] for k in range(len(spec.parameters)) for by in (0.3, -0.2, 1e-4)])
+    together = faults._played(starts, 0, faults.samples[0])
+    alone = [faults._played(start[None], 0, faults.samples[0])[:, 0] for start in starts]
+    assert np.array_equal(together, np.stack(alone, axis=1))
