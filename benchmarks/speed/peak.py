@@ -60,8 +60,8 @@ static Filter_wide wide;
 extern "C" int64_t count(int is_wide, const double *sample, double *numbers, double *innovations)
 {
     counted = 0;
-    if (is_wide) filter_lanes_wide(1, 1, sample, numbers, innovations, &wide);
-    else filter_lanes_plain(1, 1, sample, numbers, innovations, &plain);
+    if (is_wide) filter_lanes_wide(1, 1, sample, numbers, innovations, 0, &wide);
+    else filter_lanes_plain(1, 1, sample, numbers, innovations, 0, &plain);
     return counted;
 }
 """
