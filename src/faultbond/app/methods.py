@@ -28,17 +28,18 @@ class BankWatcher:
     ----------
     core : of the model
     saved : what another watcher saved; None begins anew
+    only_alarms : whether the first alarm is the end, and nothing is named
     """
 
-    def __init__(self, core: Core, saved: Numbers | None = None) -> None:
+    def __init__(self, core: Core, saved: Numbers | None = None, *, only_alarms: bool = False) -> None:
         self.spec = core.spec
         self.title = core.title
         self.asleep, self.lag = core.spec.thresholds.warm_up_samples, 0
-        self._monitor = Monitor(core, None if saved is None else _state_of(saved))
+        self._monitor = Monitor(core, None if saved is None else _state_of(saved), only_alarms=only_alarms)
 
-    def anew(self) -> "BankWatcher":
-        """Give another watcher of the same plant, at its beginning."""
-        return BankWatcher(self._monitor.core)
+    def unnamed(self) -> "BankWatcher":
+        """Give another watcher of the same plant, at its beginning, which names nothing, for which it takes no time."""
+        return BankWatcher(self._monitor.core, only_alarms=True)
 
     @property
     def in_use(self) -> BoolArray:

@@ -184,7 +184,7 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
         return _points(read_blocks(recording, plant.columns), new_grid(watcher.spec, live=False))
 
     with suppress(RecordingError):  # it was read before: what has become of it since is no matter of this run
-        told = sentence_of(guess_units(iter(watcher.anew, None), points(), alarm))
+        told = sentence_of(guess_units(iter(watcher.unnamed, None), points(), alarm))
         stood = unfamiliar_sentence(unfamiliar_inputs(plant.graph, points(), alarm))
         marked = marker_sentence(markers_in(plant.graph, points()))
         hidden = hidden_sentence(watcher.spec)

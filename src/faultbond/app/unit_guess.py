@@ -110,7 +110,7 @@ def guess_units(watchers: Iterator[Watcher], points: Iterable[PointBlock], alarm
 
     Parameters
     ----------
-    watchers : fresh ones of the plant, as many as are asked for
+    watchers : fresh ones of the plant, as many as are asked for, of which an alarm is all that is asked
     points : of the recording, from its beginning
     alarm : the first one
     """

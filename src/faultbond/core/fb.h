@@ -23,7 +23,8 @@ int64_t fb_diagnosis_size(void);
 int64_t fb_candidate_size(void);
 int64_t fb_advice_size(void);
 
-/* Give the state before the first sample, at `time` (s). quiet 1: no alarm is ever raised. */
+/* Give the state before the first sample, at `time` (s). quiet 1: no alarm is ever raised; 2: the first alarm ends it, and nothing
+   is named, which takes long where a bank is large. */
 void fb_init(void *state, double time, int64_t quiet);
 
 /* Expect a sample after a time of unknown length. */

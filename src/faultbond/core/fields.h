@@ -36,7 +36,7 @@ typedef struct {
 /* All but the rows of the past and the lanes of the bank, whose places go by the number of the sample and of the lane. */
 static const Field FIELDS[] = {
     COUNT(clock.index), NUMBER(clock.begun), FLAG(clock.running), NUMBER(clock.alarm), COUNT(clock.detections),
-    NUMBER(clock.accepted), COUNT(clock.silent), FLAG(clock.quiet), COUNT(clock.outside), POSITIVE(clock.doubt), POSITIVE(clock.pause), FINITE(clock.time),
+    NUMBER(clock.accepted), COUNT(clock.silent), WHOLE(clock.quiet, 0.0, ALARMS_ONLY), COUNT(clock.outside), POSITIVE(clock.doubt), POSITIVE(clock.pause), FINITE(clock.time),
     MISSING(inputs.held), MISSING(inputs.earlier), REACHING(inputs.lowest), REACHING(inputs.highest),
     ENDLESS(inputs.leap), POSITIVE(inputs.guessed), FRACTION(inputs.habit), ENDLESS(inputs.since_step),
     ANYTHING(inputs.change), FIELD(inputs.true_for, -1.0, INFINITY, 0, 0, 1), ANYTHING(inputs.trends), POSITIVE(inputs.rough),

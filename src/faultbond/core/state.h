@@ -15,6 +15,7 @@ enum { TREND_LEVEL, TREND_SLOPE, TREND_VARIANCE, TREND_TIE, TREND_SLOPES, TREND_
 #define WALK_RATIO 3      /* and each so many times as long as the one before */
 #define SNAPSHOTS (2 * WALKS + 1) /* healthy lanes that are kept for long: two of each window, and that of the start, or of what was accepted last */
 #define AT_START (2 * WALKS)
+#define ALARMS_ONLY 2      /* `quiet`: an alarm ends the watch, and no lanes begin */
 #define DEPTH (HISTORY_SAMPLES + 2) /* samples of a trail */
 #define SPREAD 128                  /* samples over which work on the bank may be spread, */
 #define N_ROWS (DEPTH + (N_LANES > 0 ? SPREAD : 0)) /* and those that are kept: with these, if there is a bank */

@@ -176,7 +176,7 @@ static inline void judge_walks(int64_t index, const Clock *clock, const Inputs *
    compared stays. */
 static inline void keep_for_long(int64_t index, const Clock *clock, flag may, Healthy *healthy)
 {
-    const flag goes_on = (healthy->walk <= 1.0) | (clock->quiet != 0);
+    const flag goes_on = (healthy->walk <= 1.0) | (clock->quiet == 1);
     const flag kept = may & goes_on & (clock->alarm < 0) & (SAME((double)index) >= walks_from(clock, healthy));
     for (int window = 0; window < WALKS && index % length_of_walk(window) == 0; window++) {
         real *to = healthy->snapshots[kept_at(window, index / length_of_walk(window))];

@@ -52,7 +52,7 @@ static void begin_travel(Healthy *healthy)
     }
 }
 
-/* Give the state before the first sample, at time t0 (s); quiet 1: no alarm is ever raised. */
+/* Give the state before the first sample, at time t0 (s). quiet 1: no alarm is ever raised; ALARMS_ONLY: after one no lanes begin. */
 static void begin_state(State *state, double t0, int64_t quiet)
 {
     memset(state, 0, sizeof *state);
@@ -137,7 +137,7 @@ static void keep(State *state, const double *packed, const double *lane, double 
     else memset(row->lane, 0, sizeof row->lane);
     row->time = state->clock.time;
     row->wildness = wildness;
-    if (state->clock.alarm < 0) return;
+    if (state->clock.alarm < 0 || state->clock.quiet == ALARMS_ONLY) return;
     const double *old = oldest_lane(state);
     advance_bank(state, packed, old ? old[KEPT_TIME] : -INFINITY, &work->bank, &work->filters);
     work_on(state, &work->bank, &work->filters);
@@ -295,14 +295,16 @@ static void judge_sample(State *state, const double *innovations, Report *report
         trail_of(state, &trail);
         begin_again(state, &trail, &work->bank);
         work_on(state, &work->bank, &work->filters);
-    } else if (!diagnosing && warm && !clock->quiet) {
+    } else if (!diagnosing && warm && clock->quiet != 1) {
         const int64_t change = detect(state);
         if (change >= 0) {
             clock->alarm = clock->index;
             clock->detections++;
-            trail_of(state, &trail);
-            begin_bank(state, &trail, change - trail.oldest);
-            work_on(state, &work->bank, &work->filters);
+            if (clock->quiet != ALARMS_ONLY) {
+                trail_of(state, &trail);
+                begin_bank(state, &trail, change - trail.oldest);
+                work_on(state, &work->bank, &work->filters);
+            }
             report->status = DIAGNOSING;
             report->detected = 1;
         }

@@ -10,7 +10,7 @@ typedef struct {
     whole detections; /* alarms so far */
     whole accepted;   /* sample at which a diagnosis was accepted last */
     whole silent;     /* samples without any value, up to this one */
-    whole quiet;      /* 1: no alarm is raised, as where a model is tried */
+    whole quiet;      /* 1: no alarm is raised, as where a model is tried; 2: ALARMS_ONLY */
     whole outside;    /* samples up to this one at which the model did not hold */
     real doubt;       /* factor on the variances of the noise, since the states are sought where the model holds again; 0: none */
     real pause;       /* usual number of silent ones before a sample with a value; where rows are the grid, usual s between rows */

@@ -182,7 +182,7 @@ def stays_below(core: Core, records: Sequence[HealthyRecording], most: float) ->
 
 def first_alarm(core: Core, record: HealthyRecording) -> float | None:
     """Give the time, s, at which the monitor itself alarms on a recording; None: it does not."""
-    monitor = Monitor(core)
+    monitor = Monitor(core, only_alarms=True)
     for point in record.points:
         if monitor.push(point) and (found := monitor.report.detection) is not None:
             return found.time

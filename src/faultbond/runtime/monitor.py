@@ -20,6 +20,7 @@ from faultbond.runtime.core import Core, at, memory
 from faultbond.runtime.names import hypothesis_names
 
 _NO_ALARM, _NO_SUCH_NUMBER = -1, -2
+_ALARMS_ONLY = 2  # of `fb_init`
 BEGIN_ANEW = "Delete its file to begin anew."
 _REFUSED = {  # by what `fb_restore` gives
     -1: "this is no state of faultbond",
@@ -38,6 +39,7 @@ class Monitor:
     saved : what another monitor saved; None begins anew
     time : of the beginning, s
     quiet : whether no alarm is ever raised
+    only_alarms : whether the first alarm is the end: no lanes begin, which takes long where a bank is large
 
     Raises
     ------
@@ -46,7 +48,13 @@ class Monitor:
     """
 
     def __init__(
-        self, core: Core, saved: NDArray[np.uint8] | None = None, *, time: float = 0.0, quiet: bool = False
+        self,
+        core: Core,
+        saved: NDArray[np.uint8] | None = None,
+        *,
+        time: float = 0.0,
+        quiet: bool = False,
+        only_alarms: bool = False,
     ) -> None:
         self.core, self.spec = core, core.spec
         self._state = memory(core.sizes["state"])
@@ -60,7 +68,7 @@ class Monitor:
         self._push = partial(core.library.fb_step, *map(c_void_p, addresses))
         plan = plan_lanes(self.spec)
         self._steps = plan.n_lanes + PER_SET * n_grown(self.spec)
-        core.library.fb_init(at(self._state), time, int(quiet))
+        core.library.fb_init(at(self._state), time, _ALARMS_ONLY if only_alarms else int(quiet))
         if saved is not None:
             self._restore(np.ascontiguousarray(saved, dtype=np.uint8))
 

@@ -34,7 +34,8 @@ NAN, INF = np.nan, np.inf
 REFUSED: list[tuple[str, tuple[float, ...]]] = [  # numbers that no run has
     *((f"clock.{name}", (-1, 2**52 + 1, 2**62)) for name in ("index", "detections", "silent")),
     *((f"clock.{name}", (-2, -(2**62))) for name in ("begun", "alarm", "accepted")),
-    *((f"clock.{name}", (-1, 2)) for name in ("running", "quiet")),
+    ("clock.running", (-1, 2)),
+    ("clock.quiet", (-1, 3)),
     ("clock.pause", (NAN, INF, -1.0)),
     ("clock.time", (NAN, INF, -INF)),
     *((f"inputs.{name}", (INF, -INF)) for name in ("held", "earlier", "odd")),

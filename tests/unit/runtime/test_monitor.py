@@ -240,6 +240,21 @@ def test_one_alarm_and_regular_diagnoses(name: str, rows: int, fault: Fault) -> 
     assert sum(item.probability for item in last.candidates) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(("name", "rows", "fault"), FAULTY)
+def test_where_alarms_alone_are_asked_for_no_lane_begins(name: str, rows: int, fault: Fault) -> None:
+    """Up to the alarm all is the same to the last bit; of the bank nothing is touched, then or later."""
+    core, samples = plant(name)[2], recorded(name, rows, fault)
+    _, all_reports = run(core, samples)
+    alarm = next(k for k, report in enumerate(all_reports) if report.detection is not None)
+    monitor, reports = run(core, samples, Monitor(core, only_alarms=True))
+    assert same_reports(reports[: alarm + 1], all_reports[: alarm + 1])
+    assert reports[alarm].detection is not None
+    assert all(report.diagnosis is None for report in reports)
+    bank = [field for field in core.fields if field.startswith(("bank.", "job."))]
+    assert bank
+    assert not set(bank) & set(differing(monitor, run(core, samples[:alarm])[0]))
+
+
 def test_expected_is_what_the_model_says() -> None:
     """A report's expectation and variance are those of the filter, whether or not the value is there or settling."""
     _, spec, core = plant("tank")
