@@ -54,6 +54,18 @@ def test_what_stands_for_both_is_not_claimed(records: list[dict[str, Any]]) -> N
     assert max(item["probability"] for item in last["candidates"]) < 0.52
 
 
+def test_what_leads_to_the_end_is_not_claimed_either(tmp_path: Path) -> None:
+    """A second change that is small: for a minute nothing explains it, then lanes of the first follow it."""
+    told = [item for item in watched(tmp_path, [FIRST, "K8=x0.93@3140"]) if item["record"] == "diagnosis"]
+    assert any(item["unexplained"] is not None for item in told)
+    last = told[-1]
+    assert last["unexplained"] is None
+    assert last["candidates"][0]["components"] == last["superseded"]["components"] == ["pipe"]
+    assert THEN - 60.0 < last["superseded"]["until"] < THEN + 60.0
+    assert last["mismatch"] == 0.5
+    assert last["candidates"][0]["probability"] < 0.52
+
+
 def test_it_is_said_what_was_sure_and_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """In words, on the page, and without a claim."""
     page = tmp_path / "page.html"

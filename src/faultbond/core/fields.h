@@ -76,7 +76,7 @@ static const Field FIELDS[] = {
     WHOLE(alarm.old, -1.0, SNAPSHOTS - 1.0), FLAG(alarm.slow), COUNT(alarm.outside),
     WHOLE(sure.hypothesis, -1.0, N_HYPOTHESES - 1.0), NUMBER(sure.since), NUMBER(sure.clear_since),
     WHOLE(settled.now.hypothesis, -1.0, N_HYPOTHESES - 1.0), NUMBER(settled.now.since), NUMBER(settled.now.clear_since),
-    WHOLE(settled.hypothesis, -1.0, N_HYPOTHESES - 1.0), WHOLE(settled.n_parts, 0.0, LARGEST_SET),
+    WHOLE(settled.hypothesis, -1.0, N_HYPOTHESES - 1.0), FLAG(settled.is_over), WHOLE(settled.n_parts, 0.0, LARGEST_SET),
     WHOLE(settled.parts, 0.0, N_PARTS > 0 ? N_PARTS - 1.0 : 0.0), FINITE(settled.until),
 };
 #define N_FIELDS ((int64_t)(sizeof FIELDS / sizeof FIELDS[0]))

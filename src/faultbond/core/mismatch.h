@@ -7,9 +7,10 @@
    So is a model that is known to alarm on healthy data. Of n + 1 alarms, n of them false, this one is taken to be the one that is
    none; which of them it is nobody knows, and so it is one more false one with n / (n + 1). Figures: docs/decisions/034-false-alarms.md.
 
-   So it is where another hypothesis takes the place of one that has been sure for so long that a person may have accepted it.
-   A fault does not stop being one: either that was wrong all the time, or something else changed besides, later, and no hypothesis
-   is of two things that changed one after the other. Figures: docs/decisions/039-one-after-the-other.md.
+   So it is where another hypothesis takes the place of one that has been sure for so long that a person may have accepted it, or
+   where that did not explain the data any more. A fault does not stop being one: either that was wrong all the time, or something
+   else changed besides, later, and no hypothesis is of two things that changed one after the other. Figures:
+   docs/decisions/039-one-after-the-other.md.
 
    And where nothing that is tested changed, but the likeliest lane has such a parameter far from where it is declared: then that is
    what changed, or the model is off there. Of a trusted drive that travels at a third of its rate every lane learns so, in time. */
@@ -72,12 +73,13 @@ static int has_settled(const Candidate *candidate, const Settled *settled)
     return 1;
 }
 
-/* Tell which hypothesis was sure for long, and is none of the likeliest any more, nor part of the likeliest. */
+/* Tell which hypothesis was sure for long, and is none of the likeliest any more, nor part of the likeliest; or is over. */
 static void find_superseded(const State *state, const Ranking *ranking, Diagnosis *found)
 {
     const int64_t before = state->settled.hypothesis, leading = leading_hypothesis(ranking);
     if (before < 0 || leading < 0 || state->bank.rejected[before]) return;
-    if (ranking->score[before] >= ranking->score[leading] - GROUP_NATS || has_settled(&found->candidates[0], &state->settled)) return;
+    const int is_likely = ranking->score[before] >= ranking->score[leading] - GROUP_NATS;
+    if (!state->settled.is_over && (is_likely || has_settled(&found->candidates[0], &state->settled))) return;
     found->n_superseded = state->settled.n_parts;
     memcpy(found->superseded, state->settled.parts, sizeof found->superseded);
     found->superseded_until = state->settled.until;

@@ -20,6 +20,7 @@ static void forget_settled(Settled *settled)
 {
     forget_sure(&settled->now);
     settled->hypothesis = -1;
+    settled->is_over = 0;
     settled->n_parts = 0;
     settled->until = 0.0;
 }
@@ -71,7 +72,8 @@ static void note_parts(const Candidate *candidate, Settled *settled)
 }
 
 /* Take the diagnosis of a sample, so that what is sure now is known later. What counts is the set: nothing is corrected, so its kind
-   may stay open. */
+   may stay open. Where nothing explains the data any more, what was sure is over, though it lead: its lanes take what else has changed
+   for other values of healthy parameters and for slow errors, and in some minutes they fit again. */
 static void settle_on(Settled *settled, const Diagnosis *found, int64_t sample)
 {
     take_diagnosis(&settled->now, found, sample, SETTLED);
@@ -79,7 +81,9 @@ static void settle_on(Settled *settled, const Diagnosis *found, int64_t sample)
         settled->hypothesis = settled->now.hypothesis;
         note_parts(&found->candidates[0], settled);
     }
-    if (found->n_candidates > 0 && found->n_superseded == 0) settled->until = found->time;
+    if (found->n_candidates == 0 || found->n_superseded > 0) return;
+    settled->is_over = found->is_unexplained && found->candidates[0].hypothesis == settled->hypothesis;
+    settled->until = settled->is_over ? found->since : found->time;
 }
 
 #endif

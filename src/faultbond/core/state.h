@@ -168,10 +168,10 @@ typedef struct {
 } Sure;
 
 /* The hypothesis that has been sure for as long as the rule asks, and that a person may have accepted, or -1; the parts
-   that are at fault by it, and when it was among the likeliest last, s. */
+   that are at fault by it, and when it was among the likeliest last, and explained the data, s; is_over: since then it did not. */
 typedef struct {
     Sure now;
-    int64_t hypothesis, n_parts, parts[FB_ROOM(LARGEST_SET)];
+    int64_t hypothesis, is_over, n_parts, parts[FB_ROOM(LARGEST_SET)];
     double until;
 } Settled;
 
