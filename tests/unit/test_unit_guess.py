@@ -32,6 +32,15 @@ def recording(folder: Path, change: Callable[[int, list[float]], None], rows: in
     return str(path)
 
 
+def plus(column: int, shift: float) -> Callable[[int, list[float]], None]:
+    """Give what adds to a column."""
+
+    def change(_: int, row: list[float]) -> None:
+        row[column] += shift
+
+    return change
+
+
 def times(column: int, factor: float) -> Callable[[int, list[float]], None]:
     """Give what multiplies a column."""
 
@@ -42,25 +51,34 @@ def times(column: int, factor: float) -> Callable[[int, list[float]], None]:
 
 
 @pytest.mark.parametrize(
-    ("column", "factor", "told", "cure"),
+    ("change", "told", "cure"),
     [
-        (PRESSURE, 1e-3, "the sensor pressure in kPa, not in Pa", "state `unit: kPa` there"),
-        (FLOW, 3600.0, "the sensor flow in m^3/h, not in m^3/s", "state `unit: m^3/h` there"),
-        (U_IN, 0.01, f"the input u_in in {FRACTION}, not in percent", "multiply the column by 100"),
+        (times(PRESSURE, 1e-3), "the sensor pressure in kPa, not in Pa", "state `unit: kPa` there"),
+        (times(FLOW, 3600.0), "the sensor flow in m^3/h, not in m^3/s", "state `unit: m^3/h` there"),
+        (times(U_IN, 0.01), f"the input u_in in {FRACTION}, not in percent", "multiply the column by 100"),
         (
-            FLOW,
-            -1.0,
+            times(FLOW, -1.0),
             "the sensor flow with the other sign",
             "multiply the column by -1, or turn the sign round in the model",
+        ),
+        (
+            plus(PRESSURE, 101_000.0),
+            "the sensor pressure as absolute pressure, not as the model has it",
+            "subtract the pressure of the atmosphere from the column, or add it in the model",
+        ),
+        (
+            plus(PRESSURE, -101_000.0),
+            "the sensor pressure as gauge pressure, not as the model has it",
+            "add the pressure of the atmosphere to the column, or subtract it in the model",
         ),
     ],
 )
 def test_a_column_in_another_unit_is_told(
-    column: int, factor: float, told: str, cure: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    change: Callable[[int, list[float]], None], told: str, cure: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Before what the bank makes of it: text, page and standard error say in which unit it would be quiet."""
     page = tmp_path / "page.html"
-    assert main(["run", MODEL, recording(tmp_path, times(column, factor)), "--report", str(page)]) == 1
+    assert main(["run", MODEL, recording(tmp_path, change), "--report", str(page)]) == 1
     said = capsys.readouterr()
     text = f"The recording looks as if it had {told}: read so, the first "
     assert text in " ".join(said.out.split())

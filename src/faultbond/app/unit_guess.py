@@ -1,8 +1,9 @@
 """Units that a recording seems to have: with which the plant would be quiet, where it alarms early as declared.
 
-A column in another unit than the model file says is off by a thousand, by sixty, or by 273.15, or has the other sign;
-what the bank makes of that is a fault which may well be sure. So the first samples are watched again, with one column
-after the other taken to be in each other unit of its kind, and turned round. Only one that raises no alarm is told.
+A column in another unit than the model file says is off by a thousand, by sixty, by 273.15 or by the pressure of the
+atmosphere, or has the other sign; what the bank makes of that is a fault which may well be sure. So the first samples
+are watched again, with one column after the other taken to be in each other unit of its kind, and turned round. Only
+one that raises no alarm is told.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -29,6 +30,7 @@ JUDGED = 0.9  # of the samples up to the alarm that were judged must be so: wher
 _LOST, _OUTSIDE = STATUSES.index(Status.LOST), STATUSES.index(Status.OUTSIDE)
 PERCENT, FRACTION = "percent", "parts of 1"
 TURNED = "turned round"
+GAUGE, ABSOLUTE, ATMOSPHERE = "gauge pressure", "absolute pressure", 101_325.0  # Pa
 USUAL = (  # units that are mixed up, by kind
     ("Pa", "hPa", "kPa", "MPa", "bar", "psi"),
     ("degC", "K", "degF"),
@@ -67,6 +69,8 @@ class UnitGuess:
         """What the recording seems to have."""
         if self.like == TURNED:
             return f"the {self.role} {self.name} with the other sign"
+        if self.like in (GAUGE, ABSOLUTE):
+            return f"the {self.role} {self.name} as {self.like}, not as the model has it"
         return f"the {self.role} {self.name} in {self.like}, not in {self.declared}"
 
     @property
@@ -76,6 +80,10 @@ class UnitGuess:
             return "multiply the column by -1, or turn the sign round in the model"
         if self.like == FRACTION:
             return "multiply the column by 100"
+        if self.like == GAUGE:
+            return "add the pressure of the atmosphere to the column, or subtract it in the model"
+        if self.like == ABSOLUTE:
+            return "subtract the pressure of the atmosphere from the column, or add it in the model"
         return f"state `unit: {self.like}` there"
 
 
@@ -205,6 +213,9 @@ def _readings(declared: str) -> Iterator[tuple[str, float, float]]:
     stated = measure(declared)
     own = stated.unit
     yield TURNED, -1.0, 2.0 * own.offset
+    if stated.dimension == measure("Pa").dimension:
+        yield GAUGE, 1.0, ATMOSPHERE
+        yield ABSOLUTE, 1.0, -ATMOSPHERE
     for kind in USUAL:
         known = [measure(text) for text in kind]
         if known[0].dimension != stated.dimension:

@@ -70,6 +70,19 @@ FUNCTIONS: dict[str, int] = {  # name -> number of arguments; -1: two or more
     "max": -1,
     "where": 3,
 }
+ELSEWHERE = {  # what other languages call a function, by its name there
+    "ln": "log(x)",
+    "log10": "log(x)/log(10)",
+    "pow": "x**y",
+    "square": "x**2",
+    "sqr": "x**2",
+    "fabs": "abs(x)",
+    "sgn": "sign(x)",
+    "iff": "where(condition, x, y)",
+    "interp": "table(x, NAME)",
+    "interp1": "table(x, NAME)",
+    "lookup": "table(x, NAME)",
+}
 
 
 def parts(expression: Expression) -> tuple[Expression, ...]:

@@ -11,6 +11,7 @@ from decimal import Decimal
 
 from faultbond.errors import ModelError
 from faultbond.model.expression import (
+    ELSEWHERE,
     FUNCTIONS,
     JOINS,
     NOT,
@@ -218,7 +219,9 @@ class _Reader:
                 return Call(TABLE + node.args[1].id, (self.expression(node.args[0], depth + 1),))
             raise self.error("`table` takes an expression and the name of a table, as in `table(u, curve)`")
         if name not in FUNCTIONS:
-            raise self.error(f"unknown function `{name}`; {choice(name, FUNCTIONS)}")
+            meant = ELSEWHERE.get(name.lower())
+            near = f"did you mean `{meant}`?" if meant else choice(name, [*FUNCTIONS, TABLE.strip()])
+            raise self.error(f"unknown function `{name}`; {near}")
         wanted = FUNCTIONS[name]
         if n_arguments < 2 if wanted < 0 else n_arguments != wanted:
             number = "two or more arguments" if wanted < 0 else f"{wanted} argument{'s'[: wanted - 1]}"
