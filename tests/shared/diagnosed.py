@@ -117,7 +117,7 @@ class Diagnosed:
         sizes = [int(self.library.size_of(ctypes.c_int64(k))) for k in range(10)]
         self.n_steps, self.n_slots = sizes[8:]
         self.state, self.found, self.memory, self.one = (np.zeros(size // 8) for size in sizes[:4])
-        self.record = _record(*sizes[4:7])
+        self.record = _record(*sizes[4:7], n_parameters=len(spec.parameters))
         assert self.record.itemsize == sizes[1]
         self.fields: dict[str, Any] = {}
         for k in range(sizes[7]):
@@ -204,7 +204,7 @@ def _pointer(array: Any) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
-def _record(n_limits: int, largest: int, most: int) -> Any:
+def _record(n_limits: int, largest: int, most: int, *, n_parameters: int) -> Any:
     """Give the layout of a diagnosis; all numbers have eight bytes."""
 
     def numbers(kind: str, *names: str) -> list[Any]:
@@ -218,7 +218,10 @@ def _record(n_limits: int, largest: int, most: int) -> Any:
     candidate = [*numbers("i8", "hypothesis", "lane", "group", "present", "n_kinds"), ("kinds", "i8", (len(KINDS),))]
     candidate += [("n_suspects", "i8"), ("probability", "f8"), ("shares", "f8", (len(KINDS),))]
     candidate += [("suspects", suspect, (largest,))]
-    head = numbers("i8", "n_candidates", "is_unexplained", "has_untested", "untested_sets", "signal", "n_superseded")
+    head = numbers(
+        "i8", "n_candidates", "is_unexplained", "has_untested", "untested_sets", "signal", "n_superseded", "n_elsewhere"
+    )
     rest = numbers("f8", "unexplained_sd", "since", "until", "untested_probability", "within_accuracy", "mismatch")
     before = [("superseded_until", "f8"), ("superseded", "i8", (max(largest, 1),))]
+    before += [("elsewhere", "i8", (max(n_parameters, 1),))]
     return np.dtype([("time", "f8"), *head, *rest, *before, ("candidates", candidate, (most,))])

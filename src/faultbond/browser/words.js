@@ -147,6 +147,12 @@ function supersededSentence(before) {
 function noClaim(diagnosis, detection) {
   const most = `Most likely the model is off (${probabilityText(diagnosis.mismatch)}${NO_BREAK}%)`;
   if (diagnosis.superseded) return supersededSentence(diagnosis.superseded);
+  if (diagnosis.elsewhere) {
+    const alone = diagnosis.elsewhere.length === 1;
+    const does = alone ? "counts as healthy, is far from where it is" : "count as healthy, are far from where they are";
+    return `${most}: no suspect changed, but ${joined(diagnosis.elsewhere)}, which ${does} declared. Of what may fail say ` +
+      `\`suspect: yes\`; else mend what moves ${alone ? "it" : "them"}.`;
+  }
   if (diagnosis.mismatch && !(detection.walk && hasWalked(diagnosis)))
     return `${most}: ${knownAlarms()}. \`faultbond fit\` with \`--until-quiet\` and healthy recordings finds what it leaves out.`;
   if (diagnosis.mismatch) {
@@ -213,7 +219,7 @@ function verdictSentence(diagnosis, detection) {
   const group = bestGroup(diagnosis), best = group[0], suspects = suspectsOf(best);
   const changes = suspects.map(([name, item]) => changeOf(best, name, item) + (item.moved && item.stopped == null ? MOVES : "")).join("; ");
   const off = noClaim(diagnosis, detection);
-  if (off) return `${off} ${nearest(best, group, changes)}`;
+  if (off) return diagnosis.elsewhere ? off : `${off} ${nearest(best, group, changes)}`; // else no suspect changed
   if (group.length > 1) return apart(diagnosis, group, best);
   const isOne = best.components.length === 1, owners = ownersOf(best);
   if (suspects.length === 1 && suspects[0][1].stopped != null) return `Most likely ${owners} is at fault: ${changes}${certaintyOf(diagnosis)}.`;

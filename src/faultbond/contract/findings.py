@@ -166,8 +166,9 @@ class Diagnosis:
     first. untested: what else it could be; None where all sets are tested. within_accuracy: probability that nothing is
     at fault but what the declared accuracy allows; of that each tested set has an even share. mismatch: probability
     that the model is off, where the alarm came by a parameter that no tested set has, or the model has alarmed on
-    healthy data before. superseded: what was sure before, and is none of the likeliest any more; then something else
-    may have changed later, which is part of `mismatch`.
+    healthy data before. superseded: what was sure before, and is none of the likeliest any more, or did not explain the
+    data since; then something else may have changed later, which is part of `mismatch`. elsewhere: parameters that
+    count as healthy and are far from where they are declared, while no suspect changed, which is part of it, too.
     """
 
     time: float
@@ -178,6 +179,7 @@ class Diagnosis:
     within_accuracy: float = 0.0
     mismatch: float = 0.0
     superseded: Superseded | None = None
+    elsewhere: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

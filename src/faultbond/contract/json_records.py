@@ -75,6 +75,7 @@ def diagnosis_record(diagnosis: Diagnosis, *, outside: bool = False) -> Record:
         "within_accuracy": diagnosis.within_accuracy if diagnosis.candidates else None,
         "mismatch": diagnosis.mismatch,
         **({} if diagnosis.superseded is None else {"superseded": _superseded(diagnosis.superseded)}),
+        **({"elsewhere": list(diagnosis.elsewhere)} if diagnosis.elsewhere else {}),
         **({"outside": True} if outside else {}),
     }
 

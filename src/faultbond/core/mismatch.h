@@ -45,14 +45,13 @@ static double probability_off(const State *state, const Diagnosis *found)
     return fmax(known, state->alarm.window == WALKS ? OFF_FROM_START : OFF_SINCE);
 }
 
-/* Whether the likeliest lane has a parameter that is in no tested set far from where it is declared. */
-static int is_far_off(const State *state, int64_t lane)
+/* Tell which parameters that are in no tested set are far from where they are declared in the likeliest lane. */
+static void find_elsewhere(const State *state, int64_t lane, Diagnosis *found)
 {
     for (int j = 0; lane >= 0 && j < N_PARAMETERS; j++) {
         const double off = fabs(number_in(&state->bank, lane, AT_PARAMETERS + j) - HEALTHY[j]);
-        if (ACCURACY[j] > 0.0 && off > FAR_OFF * ACCURACY[j] && !is_in_a_set(j)) return 1;
+        if (ACCURACY[j] > 0.0 && off > FAR_OFF * ACCURACY[j] && !is_in_a_set(j)) found->elsewhere[found->n_elsewhere++] = j;
     }
-    return 0;
 }
 
 /* The part that a suspect is, or is of. */
@@ -89,10 +88,10 @@ static void find_superseded(const State *state, const Ranking *ranking, Diagnosi
 static void leave_to_mismatch(const State *state, const Ranking *ranking, Diagnosis *found)
 {
     const double off = probability_off(state, found), left = 1.0 - off, within = found->within_accuracy;
-    const int is_elsewhere = within > MORE_THAN_HALF && is_far_off(state, ranking->best[leading_hypothesis(ranking)]);
     int64_t n_tested = 0;
-    found->mismatch = off + (is_elsewhere ? left * within : 0.0); /* of both each set has an even share already */
-    found->within_accuracy = is_elsewhere ? 0.0 : left * within;
+    if (within > MORE_THAN_HALF) find_elsewhere(state, ranking->best[leading_hypothesis(ranking)], found);
+    found->mismatch = off + (found->n_elsewhere > 0 ? left * within : 0.0); /* of both each set has an even share already */
+    found->within_accuracy = found->n_elsewhere > 0 ? 0.0 : left * within;
     if (!(off > 0.0)) return;
     for (int64_t k = 0; k < N_HYPOTHESES; k++) n_tested += is_tested(ranking, k);
     for (int64_t row = 0; row < found->n_candidates; row++) {

@@ -286,6 +286,16 @@ static void tell_superseded(Json *json, const Diagnosis *found)
     json_close(json, '}');
 }
 
+/* What counts as healthy and is far from where it is declared, where there is such. */
+static void tell_elsewhere(Json *json, const Diagnosis *found)
+{
+    if (found->n_elsewhere == 0) return;
+    json_key(json, "elsewhere");
+    json_open(json, '[');
+    for (int64_t k = 0; k < found->n_elsewhere; k++) json_text(json, PARAMETER_NAMES[found->elsewhere[k]]);
+    json_close(json, ']');
+}
+
 /* A diagnosis, the best candidate first, with what to check next. is_outside: the model does not hold then. */
 static void write_diagnosis(Json *json, const Diagnosis *found, const Advice *advice, int is_outside)
 {
@@ -304,6 +314,7 @@ static void write_diagnosis(Json *json, const Diagnosis *found, const Advice *ad
     tell_real(json, "within_accuracy", found->n_candidates > 0 ? found->within_accuracy : NAN);
     tell_real(json, "mismatch", found->mismatch);
     tell_superseded(json, found);
+    tell_elsewhere(json, found);
     if (is_outside) tell_truth(json, "outside", 1);
     end_record(json);
 }

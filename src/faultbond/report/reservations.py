@@ -37,15 +37,18 @@ def _off_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> s
     """Say that most likely the model is off, why, and what to do about it."""
     most, walk = f"Most likely the model is off ({probability_text(diagnosis.mismatch)} %)", began.walk
     tested = {name for item in diagnosis.candidates for name in item.parameters}
+    if diagnosis.elsewhere:
+        alone = len(diagnosis.elsewhere) == 1
+        does = (
+            "counts as healthy, is far from where it is" if alone else "count as healthy, are far from where they are"
+        )
+        return (
+            f"{most}: no suspect changed, but {join(diagnosis.elsewhere)}, which {does} declared. Of what may fail say "
+            f"`suspect: yes`; else mend what moves {'it' if alone else 'them'}."
+        )
     if walk is not None and walk.parameter not in tested and has_walked(graph, diagnosis):
         told = f"{most}: {walk.parameter}, which counts as healthy, had to move too far."
         return f"{told} {cure_of_walk(graph, walk.parameter)}"
-    if has_walked(graph, diagnosis):
-        trusted = join([item.name for item in graph.parameters if not item.suspect])
-        return (
-            f"{most}: no suspect changed, but something that counts as healthy is far from where it is declared, of "
-            f"{trusted}. If it may fail, say `suspect: yes`."
-        )
     return (
         f"{most}: {known_alarms(graph)}. `faultbond fit` with `--until-quiet` and healthy recordings finds what it "
         "leaves out."

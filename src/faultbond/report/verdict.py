@@ -339,6 +339,8 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         for suspect in best.suspects
     )
     off = reason_for_none(graph, diagnosis, history.open)
+    if off and diagnosis.elsewhere:
+        return off  # no suspect changed, so none is near
     if off:  # what comes nearest
         if len(group) > 1:
             return f"{off} Nearest come {_listed([set_name(graph, candidate) for candidate in group])}."

@@ -109,6 +109,7 @@ class Core:
                         "untested_sets",
                         "signal",
                         "n_superseded",
+                        "n_elsewhere",
                     )
                 ),
                 *(
@@ -124,6 +125,7 @@ class Core:
                     )
                 ),
                 ("superseded", _INT, (_largest(self.spec),)),
+                ("elsewhere", _INT, (max(len(self.spec.parameters), 1),)),
                 ("candidates", self.candidate, (min(max(self.spec.n_hypotheses, 1), MAX_CANDIDATES),)),
             ]
         )

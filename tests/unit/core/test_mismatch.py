@@ -33,8 +33,8 @@ def diagnosed(walker: int, window: int = WALKS, false_alarms: int = 0) -> tuple[
     return float(found["mismatch"]), tuple(map(float, rows["probability"])), float(found["within_accuracy"])
 
 
-def elsewhere(parameter: int, off: float, false_alarms: int) -> tuple[float, tuple[float, ...], float]:
-    """The same where no set changed by more than it may, and a parameter is so many accuracies off."""
+def elsewhere(parameter: int, off: float, false_alarms: int) -> tuple[float, tuple[float, ...], float, list[int]]:
+    """The same where no set changed by more than it may, and one parameter is so many accuracies off; which is told."""
     state = Diagnosed(replace(OTHERS, false_alarms=false_alarms))
     state.only(0)
     lane, first = state.lane("step", 0), SPEC.parameter_slice.start
@@ -43,7 +43,13 @@ def elsewhere(parameter: int, off: float, false_alarms: int) -> tuple[float, tup
     lane[first + parameter] += off * SPEC.parameters[parameter].accuracy
     found = state.diagnose()
     rows = found["candidates"][: found["n_candidates"]]
-    return float(found["mismatch"]), tuple(map(float, rows["probability"])), float(found["within_accuracy"])
+    sets = tuple(map(float, rows["probability"]))
+    return (
+        float(found["mismatch"]),
+        sets,
+        float(found["within_accuracy"]),
+        found["elsewhere"][: found["n_elsewhere"]].tolist(),
+    )
 
 
 @pytest.mark.parametrize(("window", "name"), [(WALKS, "OFF_FROM_START"), (2, "OFF_SINCE")])
@@ -72,6 +78,7 @@ def test_what_counts_as_healthy_and_is_elsewhere_is_no_healthy_plant(
     assert found[1] == before[1]  # each set keeps its share
     assert found[0] == pytest.approx(before[0] + before[2] if is_far else before[0])
     assert found[2] == (0.0 if is_far else before[2])
+    assert (before[3], found[3]) == ([], [TRUSTED] if is_far else [])
     assert elsewhere(OTHER, off, false_alarms) == before  # some set has it, and says so itself
 
 

@@ -273,19 +273,19 @@ def test_what_is_superseded_is_told_in_the_right_number(names: tuple[str, ...], 
 
 @pytest.mark.parametrize("walker", ["", "K1"])
 def test_what_is_trusted_and_has_changed_is_told(walker: str, history: History) -> None:
-    """Where no suspect changed, what counts as healthy did: that is listed, also where a suspect raised the alarm."""
+    """Where no suspect changed, what counts as healthy did: that is told, also where a suspect raised the alarm."""
     trusted = (replace(item, suspect=item.name not in ("K3", "K6")) for item in GRAPH.parameters)
     graph = replace(GRAPH, parameters=tuple(trusted))
     best = kind_of(suspect(graph, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.05)
     shown = with_last(history, (best,))
     walk = Walk(parameter=walker, sd=4.7, from_start=True) if walker else None
     alarm = replace(shown.detections[-1], walk=walk)
-    diagnosis = replace(shown.diagnoses[-1], mismatch=0.93)
+    diagnosis = replace(shown.diagnoses[-1], mismatch=0.93, elsewhere=("K3", "K6"))
     shown = replace(shown, detections=(alarm,), open=alarm, diagnoses=(diagnosis,))
     told = verdict_sentence(graph, shown, RunCounts(samples=9), Notation.FILE)
-    assert told.startswith(
-        "Most likely the model is off (93.0 %): no suspect changed, but something that counts as healthy is far from "
-        "where it is declared, of K3 and K6. If it may fail, say `suspect: yes`. Nearest comes a change of the pipe"
+    assert told == (
+        "Most likely the model is off (93.0 %): no suspect changed, but K3 and K6, which count as healthy, are "
+        "far from where they are declared. Of what may fail say `suspect: yes`; else mend what moves them."
     )
 
 
