@@ -1450,11 +1450,12 @@ def test_a_short_recording_is_refused(model: Path, tmp_path: Path, capsys: pytes
     assert "at least 60 are needed" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("no_sizes")
 def test_an_input_at_rest_is_no_obstacle(model: Path, tmp_path: Path) -> None:
     """A recording in which the input never moves is fitted all the same."""
     rng = np.random.default_rng(5)
     time = np.asarray(STEP * np.arange(600), dtype=np.float64)
-    reading = 2.0 / R + NOISE * rng.standard_normal(600)
+    reading = 2.0 / R * (1.0 - np.exp(-time * R / L)) + NOISE * rng.standard_normal(600)
     write_recording(tmp_path / "a.csv", {"time": time, "V": np.full(600, 2.0), "i": reading})
     found = records(tmp_path, model, tmp_path / "a.csv", "--fixed", "L")
     assert found["fit"]["parameters"][0]["estimate"] > 0.0

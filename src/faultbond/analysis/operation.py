@@ -143,7 +143,7 @@ def _filtered(
     monitor = Monitor(engine, quiet=True)
     if all(item.start_sd is not None for item in spec.states):  # the filter runs from the first sample on
         mean = np.array([item.start_mean for item in spec.states])
-        monitor.go_on(engine.healthy_lane(mean, np.diag(_stated_variances(spec))))
+        monitor.go_on(engine.healthy_lane(mean, np.diag(spec.stated_variances)))
     rows = list[tuple[float, FloatArray, FloatArray, FloatArray]]()
     for number, sample in enumerate(samples):
         report = monitor.step(sample)
@@ -162,17 +162,6 @@ def _aged(spec: EngineSpec, dt: FloatArray, begun: int) -> BoolArray:
     grid = spec.sample_time or float(np.median(dt[1:] if len(dt) > 1 else dt))
     watched = (np.arange(len(dt)) - begun) * grid
     return np.asarray(watched[:, None] >= spec.slow_watched)
-
-
-def _stated_variances(spec: EngineSpec) -> list[float]:
-    """Give the variances of stated starts, (n_states,); contents are stated, so parameters of the stores count too."""
-    found = []
-    for item in spec.states:
-        slope = np.zeros(len(spec.parameters))
-        for j, power in item.jumps:
-            slope[j] = item.start_mean * power
-        found.append((item.start_sd or 0.0) ** 2 + float(slope @ spec.prior @ slope))
-    return found
 
 
 def _slopes(

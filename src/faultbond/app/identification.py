@@ -1,7 +1,7 @@
 """`fit`: parameters and noise of a model from healthy recordings."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -160,6 +160,7 @@ def identified(
 
     text = with_seen_inputs(document.text, graph, (points for _, points in read))
     graph = parse_model(text, file=graph.file)
+    _doubt_starts(graph, read, warn)
     with threadpool_limits(1):  # matrices are small here, and threads would only wait
         if wishes.until_quiet:
             from faultbond.report.quiet_result import told_in_file  # noqa: PLC0415 - needed here alone
@@ -278,12 +279,26 @@ def tried(
     from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
 
     core = build_watcher(graph)
+    _doubt_starts(graph, read, warn)
     tell("watching the recordings")
     records = tuple(healthy_recording(name, points, core) for name, points in read)
     found = on_trial(core, records, promise or graph.time_between_false_alarms or MONTH)
     slower = slower_step(build_model(graph), [item.u for item in records])
     record = health_record(graph, core.spec, found, slower)
     return Section(record=record, show=lambda console: print_health(console, graph, found, slower))
+
+
+def _doubt_starts(graph: BondGraph, read: Sequence[tuple[str, Sequence[Sample]]], warn: Callable[[str], None]) -> None:
+    """Say of which recordings the first readings contradict a stated start."""
+    if all(item.start is None for item in graph.components):
+        return
+    from faultbond.app.stated_starts import contradictions, start_sentence  # noqa: PLC0415 - loads casadi
+
+    core = build_watcher(graph)
+    for name, points in read:
+        told = start_sentence(graph, name, contradictions(graph, core, points))
+        if told:
+            warn(told)
 
 
 def read_points(graph: BondGraph, recording: Recording, warn: Callable[[str], None] = _silent) -> list[Sample]:

@@ -37,6 +37,11 @@ class BankWatcher:
         self.asleep, self.lag = core.spec.thresholds.warm_up_samples, 0
         self._monitor = Monitor(core, None if saved is None else _state_of(saved), only_alarms=only_alarms)
 
+    @property
+    def core(self) -> Core:
+        """The core of the model."""
+        return self._monitor.core
+
     def unnamed(self) -> "BankWatcher":
         """Give another watcher of the same plant, at its beginning, which names nothing, for which it takes no time."""
         return BankWatcher(self._monitor.core, only_alarms=True)

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -17,6 +18,7 @@ from faultbond.app.signals import Stopping
 from faultbond.app.wishes import Wanted
 from faultbond.contract.findings import History
 from faultbond.contract.json_records import run_record
+from faultbond.contract.samples import Sample
 from faultbond.contract.silence import Silent, seconds
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import GenerationError, RecordingError
@@ -176,6 +178,7 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
         return run  # what can be read once only
 
     from faultbond.app.markers import marker_sentence, markers_in  # noqa: PLC0415 - after an alarm only
+    from faultbond.app.stated_starts import SOUGHT, contradictions, start_sentence  # noqa: PLC0415 - after an alarm only
     from faultbond.app.unfamiliar import unfamiliar_inputs, unfamiliar_sentence  # noqa: PLC0415 - after an alarm only
     from faultbond.app.unit_guess import guess_units, sentence_of  # noqa: PLC0415 - loads the units
     from faultbond.report.doubts import active_sentence, hidden_sentence  # noqa: PLC0415 - after an alarm only
@@ -188,8 +191,18 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
         stood = unfamiliar_sentence(unfamiliar_inputs(plant.graph, points(), alarm))
         marked = marker_sentence(markers_in(plant.graph, points()))
         hidden = hidden_sentence(watcher.spec)
-        return replace(run, hints=tuple(filter(None, (active_sentence(plant.graph), marked, told, stood, hidden))))
+        first = tuple(islice(_samples(points()), SOUGHT))
+        beginning = start_sentence(plant.graph, "The recording", contradictions(plant.graph, watcher.core, first))
+        hints = (active_sentence(plant.graph), beginning, marked, told, stood, hidden)
+        return replace(run, hints=tuple(filter(None, hints)))
     return run
+
+
+def _samples(blocks: Iterable[PointBlock]) -> Iterator[Sample]:
+    """Give grid points one by one."""
+    for block in blocks:
+        for time, dt, u, y in zip(block.time.tolist(), block.dt.tolist(), block.u, block.y, strict=True):
+            yield Sample(time=time, dt=dt, u=u, y=y)
 
 
 def _points(blocks: Iterable[RowBlock], grid: Grid) -> Iterator[PointBlock]:

@@ -333,6 +333,17 @@ class EngineSpec:
         """Time for which each slow error is watched before it may alarm, s, shape (n_slow_errors,)."""
         return _still(np.array([0.0 if item.wanders else item.memory for item in self.slow_errors]))
 
+    @property
+    def stated_variances(self) -> FloatArray:
+        """Variances of stated starts, (n_states,); contents are stated, so parameters of the stores count too."""
+        found = []
+        for item in self.states:
+            slope = np.zeros(len(self.parameters))
+            for j, power in item.jumps:
+                slope[j] = item.start_mean * power
+            found.append((item.start_sd or 0.0) ** 2 + float(slope @ self.prior @ slope))
+        return np.array(found)
+
     @cached_property
     def prior(self) -> FloatArray:
         """Declared covariance of the healthy parameters, shape (n_parameters, n_parameters), in factors."""
