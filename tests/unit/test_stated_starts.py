@@ -1,5 +1,6 @@
 """Recordings that do not begin where the model states: told by `run`, `check --data` and `fit`, and else nothing."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +82,15 @@ def test_of_what_begins_as_stated_nothing_is_told(begins: float, wild: int, tmp_
     samples = samples_of(model, recording)
     assert not contradictions(graph, build_watcher(graph), samples)
     assert contradictions(graph, build_watcher(graph), samples[60:])  # by then the current has come up
+
+
+def test_before_an_input_has_a_value_nothing_is_known(tmp_path: Path) -> None:
+    """Of a plant that waits nothing is expected yet."""
+    model, recording = write(tmp_path, begins=1.0)
+    graph = load_model(model)
+    waiting = [replace(item, u=np.full(1, np.nan)) for item in samples_of(model, recording)]
+    assert not contradictions(graph, build_watcher(graph), waiting)
+    assert not contradictions(graph, build_watcher(graph), [])
 
 
 @pytest.mark.parametrize("name", ["tank", "dc_motor_current", "rlc"])

@@ -18,6 +18,7 @@ from faultbond.app.presence import silent_of
 from faultbond.app.rows import naming, no_time, pace_of, sample_of, texts_of
 from faultbond.app.section import Section
 from faultbond.app.signals import SIGNALLED, Stopped, last_of
+from faultbond.app.stated_starts import contradictions, start_sentence
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.contract.silence import INPUT, SENSOR, seconds
@@ -292,8 +293,6 @@ def _doubt_starts(graph: BondGraph, read: Sequence[tuple[str, Sequence[Sample]]]
     """Say of which recordings the first readings contradict a stated start."""
     if all(item.start is None for item in graph.components):
         return
-    from faultbond.app.stated_starts import contradictions, start_sentence  # noqa: PLC0415 - loads casadi
-
     core = build_watcher(graph)
     for name, points in read:
         told = start_sentence(graph, name, contradictions(graph, core, points))

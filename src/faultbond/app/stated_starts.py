@@ -69,8 +69,8 @@ def _begun(core: Core, samples: Sequence[Sample]) -> tuple[FloatArray, FloatArra
     if stated.all():
         return mean, variances
     monitor = Monitor(core, quiet=True)
-    rows = [row for row in map(monitor.pack, samples) if row is not None]
-    sought, covariance = core.solve_start(np.array(rows))
+    rows = [row for row in map(monitor.pack, samples) if row is not None]  # none before every input has had a value
+    sought, covariance = core.solve_start(np.array(rows).reshape(-1, core.spec.n_sample))
     spread = OPEN * np.diag(covariance)[: len(mean)] + sought**2
     return np.where(stated, mean, sought), np.where(stated, variances, spread)
 
