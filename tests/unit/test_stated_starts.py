@@ -93,6 +93,15 @@ def test_before_an_input_has_a_value_nothing_is_known(tmp_path: Path) -> None:
     assert not contradictions(graph, build_watcher(graph), [])
 
 
+def test_of_a_sensor_that_has_values_later_only_nothing_is_told(tmp_path: Path) -> None:
+    """By then a plant that began as stated may be anywhere."""
+    model, recording = write(tmp_path, begins=1.0)
+    graph = load_model(model)
+    late = [replace(item, y=item.y * [np.nan, 1.0]) for item in samples_of(model, recording)[:2]]
+    samples = [*late, *samples_of(model, recording)[2:]]
+    assert not contradictions(graph, build_watcher(graph), samples)
+
+
 @pytest.mark.parametrize("name", ["tank", "dc_motor_current", "rlc"])
 def test_examples_begin_as_their_models_state(name: str) -> None:
     """Healthy or not."""

@@ -13,12 +13,11 @@ from faultbond.app.kept_run import Keeper, read_before, stamp_of
 from faultbond.app.method_face import Watcher
 from faultbond.app.methods import BankWatcher, build_method, prepared_bank
 from faultbond.app.plant import WatchedPlant
-from faultbond.app.rows import begun, called, naming, no_time, pace_of, portions, progress, texts_of
+from faultbond.app.rows import begun, called, naming, no_time, pace_of, portions, progress, sample_of, texts_of
 from faultbond.app.signals import Stopping
 from faultbond.app.wishes import Wanted
 from faultbond.contract.findings import History
 from faultbond.contract.json_records import run_record
-from faultbond.contract.samples import Sample
 from faultbond.contract.silence import Silent, seconds
 from faultbond.contract.spec import EngineSpec
 from faultbond.errors import GenerationError, RecordingError
@@ -191,18 +190,11 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
         stood = unfamiliar_sentence(unfamiliar_inputs(plant.graph, points(), alarm))
         marked = marker_sentence(markers_in(plant.graph, points()))
         hidden = hidden_sentence(watcher.spec)
-        first = tuple(islice(_samples(points()), SOUGHT))
+        first = tuple(map(sample_of, islice((point for block in points() for point in block.points()), SOUGHT)))
         beginning = start_sentence(plant.graph, "The recording", contradictions(plant.graph, watcher.core, first))
         hints = (active_sentence(plant.graph), beginning, marked, told, stood, hidden)
         return replace(run, hints=tuple(filter(None, hints)))
     return run
-
-
-def _samples(blocks: Iterable[PointBlock]) -> Iterator[Sample]:
-    """Give grid points one by one."""
-    for block in blocks:
-        for time, dt, u, y in zip(block.time.tolist(), block.dt.tolist(), block.u, block.y, strict=True):
-            yield Sample(time=time, dt=dt, u=u, y=y)
 
 
 def _points(blocks: Iterable[RowBlock], grid: Grid) -> Iterator[PointBlock]:

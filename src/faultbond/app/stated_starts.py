@@ -17,7 +17,7 @@ from faultbond.report.numbers import join, with_unit
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
 
-READINGS = 3  # of a sensor, each of which by itself contradicts what is stated
+READINGS = 3  # of a sensor, the first, each of which by itself contradicts what is stated
 FAR = 6.0  # sd with which each is expected
 SOUGHT = 20  # samples in which a start that is not stated is sought
 OPEN = 1e4  # times its variance as found: what was found beside a wrong start may be wrong
@@ -45,20 +45,22 @@ def contradictions(graph: BondGraph, core: Core, samples: Sequence[Sample]) -> t
     if all(item.start_sd is None for item in core.spec.states):
         return ()
     mean, variances = _begun(core, samples[:SOUGHT])
-    lane = core.healthy_lane(mean, np.diag(variances))
-    seen: dict[int, list[Contradiction]] = {k: [] for k in range(len(graph.sensors))}
-    for sample in samples[:SOUGHT]:
+    lane, found = core.healthy_lane(mean, np.diag(variances)), []
+    for sample in samples[:READINGS]:
         monitor = Monitor(core, quiet=True)
         monitor.go_on(lane)
         report = monitor.step(sample)
-        for k, sensor in enumerate(graph.sensors):
-            if np.isfinite(sample.y[k]) and len(seen[k]) < READINGS:
-                reading, expected, sd = float(sample.y[k]), float(report.expected[k]), float(report.variance[k]) ** 0.5
-                seen[k].append(Contradiction(sensor=sensor, reading=reading, expected=expected, sd=sd))
+        found.append((sample.y, report.expected, np.sqrt(report.variance)))
+    if len(found) < READINGS:
+        return ()
+    readings, expected, sd = np.moveaxis(np.array(found), 1, 0)
+    far = np.all(np.abs(readings - expected) > FAR * sd, axis=0)  # what has no value is none
     return tuple(
-        told[0]
-        for told in seen.values()
-        if len(told) == READINGS and all(abs(item.reading - item.expected) > FAR * item.sd for item in told)
+        Contradiction(sensor=sensor, reading=reading, expected=said, sd=spread)
+        for sensor, reading, said, spread, told in zip(
+            graph.sensors, *(x[0].tolist() for x in (readings, expected, sd)), far, strict=True
+        )
+        if told
     )
 
 
