@@ -175,6 +175,13 @@ typedef struct {
     double until;
 } Settled;
 
+/* Of each hypothesis, over how many samples it led and did not explain the data, and at which sensor it was off last, by how many sd, since when it
+   first did so, and until when, s. judged: samples after the alarm that were judged up to the last diagnosis. See missed.h. */
+typedef struct {
+    int64_t judged, samples[FB_ROOM(N_HYPOTHESES)], signal[FB_ROOM(N_HYPOTHESES)];
+    double sd[FB_ROOM(N_HYPOTHESES)], since[FB_ROOM(N_HYPOTHESES)], until[FB_ROOM(N_HYPOTHESES)];
+} Missed;
+
 typedef struct {
     Clock clock;
     Inputs inputs;
@@ -189,6 +196,7 @@ typedef struct {
     Alarm alarm;
     Sure sure;
     Settled settled;
+    Missed missed;
 } State;
 
 /* Samples since the alarm that tell of it. */

@@ -79,6 +79,7 @@ static void begin_state(State *state, double t0, int64_t quiet)
     clear_bank(state);
     forget_sure(&state->sure);
     forget_settled(&state->settled);
+    forget_missed(&state->missed);
     state->alarm.walker = state->alarm.window = state->alarm.old = -1;
     forget_beginning(&state->beginning);
 }
@@ -180,6 +181,7 @@ static void lose(State *state)
         clear_bank(state);
         forget_sure(&state->sure);
         forget_settled(&state->settled);
+        forget_missed(&state->missed);
     }
     state->clock.begun = -1;
     state->clock.running = 0;
@@ -277,6 +279,7 @@ static void conclude_and_settle(State *state, Diagnosis *found, RankingMemory *m
 {
     conclude(state, found, memory);
     settle_on(&state->settled, found, state->clock.index);
+    note_missed(&state->missed, found, since_alarm(state));
 }
 
 /* Update the sums, raise the alarm, renew the bank. */
