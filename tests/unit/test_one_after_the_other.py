@@ -55,8 +55,8 @@ def test_what_stands_for_both_is_not_claimed(records: list[dict[str, Any]]) -> N
 
 
 def test_what_leads_to_the_end_is_not_claimed_either(tmp_path: Path) -> None:
-    """A second change that is small: for a minute nothing explains it, then lanes of the first follow it."""
-    told = [item for item in watched(tmp_path, [FIRST, "K8=x0.93@3140"]) if item["record"] == "diagnosis"]
+    """A second change that is small: for minutes nothing explains it, then lanes of the first follow it."""
+    told = [item for item in watched(tmp_path, [FIRST, "K4=x1.15@3140"]) if item["record"] == "diagnosis"]
     assert any(item["unexplained"] is not None for item in told)
     last = told[-1]
     assert last["unexplained"] is None

@@ -3,7 +3,7 @@
 #define FB_DIAGNOSIS_H
 
 #include "mismatch.h"
-#include "missed.h"
+#include "unexplained.h"
 #include "untested.h"
 #include "within.h"
 
@@ -23,30 +23,6 @@ static int is_fresh(const State *state)
 {
     const Job *job = &state->job;
     return !is_ready(job) || state->clock.index - job->settled <= (job->renewals < 2 ? 2 * FRESH : FRESH);
-}
-
-/* Tell where the best lane does not fit, if the detector would raise an alarm on it. Not of an input by itself whose record has
-   stopped: what acts is not known, so that nothing speaks against it. */
-static void find_unexplained(const State *state, int64_t lane, Diagnosis *found)
-{
-    const Bank *bank = &state->bank;
-    int side = 0, signal = 0;
-    if (found->n_candidates > 0 && has_stopped(&found->candidates[0])) return;
-    for (int s = 0; s < 2; s++)
-        for (int j = 0; j < N_OUTPUTS; j++)
-            if (bank->sums[s][j][lane] > bank->sums[side][signal][lane]) {
-                side = s;
-                signal = j;
-            }
-    const double sum = bank->sums[side][signal][lane];
-    if (sum <= CUSUM_LIMIT) return;
-    const int64_t length = state->clock.index - (int64_t)bank->since[side][signal][lane];
-    const int64_t back = length < DEPTH - 1 ? length : DEPTH - 1;
-    found->is_unexplained = 1;
-    found->signal = signal;
-    found->unexplained_sd = sum / (double)(length > 1 ? length : 1) + CUSUM_DRIFT;
-    found->since = back > 0 ? state->past.rows[(state->clock.index - back) % N_ROWS].time : state->clock.time;
-    found->until = state->clock.time;
 }
 
 /* Give the diagnosis of now, after a detection; without candidates where there was none, where nothing is a suspect, or where

@@ -78,7 +78,7 @@ static const Field FIELDS[] = {
     WHOLE(settled.now.hypothesis, -1.0, N_HYPOTHESES - 1.0), NUMBER(settled.now.since), NUMBER(settled.now.clear_since),
     WHOLE(settled.hypothesis, -1.0, N_HYPOTHESES - 1.0), FLAG(settled.is_over), WHOLE(settled.n_parts, 0.0, LARGEST_SET),
     WHOLE(settled.parts, 0.0, N_PARTS > 0 ? N_PARTS - 1.0 : 0.0), FINITE(settled.until),
-    COUNT(missed.judged), COUNT(missed.samples), WHOLE(missed.signal, 0.0, N_OUTPUTS - 1.0), POSITIVE(missed.sd), FINITE(missed.since), FINITE(missed.until),
+    FLAG(missed.is_noted), WHOLE(missed.signal, 0.0, N_OUTPUTS - 1.0), POSITIVE(missed.sd), FINITE(missed.since), FINITE(missed.until),
 };
 #define N_FIELDS ((int64_t)(sizeof FIELDS / sizeof FIELDS[0]))
 

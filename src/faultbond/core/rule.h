@@ -11,7 +11,8 @@
 #define SURE_SAMPLES 200 /* for which a candidate has been the sure one before it is accepted, */
 #define LONG_SAMPLES 600 /* and a set, before it is although its kind is not sure */
 
-#define SETTLED 0.99     /* probability from which a hypothesis may have been accepted by a person */
+#define SETTLED 0.9         /* probability from which a hypothesis is kept in mind, a person may have accepted it, */
+#define SETTLED_SAMPLES 100 /* once it has had that for so long */
 
 /* Nothing is sure, as before the first diagnosis and after each decision. */
 static void forget_sure(Sure *sure) { sure->hypothesis = sure->since = sure->clear_since = -1; }
@@ -72,18 +73,18 @@ static void note_parts(const Candidate *candidate, Settled *settled)
 }
 
 /* Take the diagnosis of a sample, so that what is sure now is known later. What counts is the set: nothing is corrected, so its kind
-   may stay open. Where nothing explains the data any more, what was sure is over, though it lead: its lanes take what else has changed
-   for other values of healthy parameters and for slow errors, and in some minutes they fit again. */
-static void settle_on(Settled *settled, const Diagnosis *found, int64_t sample)
+   may stay open. What was sure, leads, and was far off is over (`note_missed`). */
+static void settle_on(Settled *settled, const Diagnosis *found, const Missed *missed, int64_t sample)
 {
     take_diagnosis(&settled->now, found, sample, SETTLED);
-    if (settled->now.hypothesis >= 0 && sample - settled->now.since >= SURE_SAMPLES) {
+    if (settled->now.hypothesis >= 0 && sample - settled->now.since >= SETTLED_SAMPLES) {
         settled->hypothesis = settled->now.hypothesis;
         note_parts(&found->candidates[0], settled);
     }
     if (found->n_candidates == 0 || found->n_superseded > 0) return;
-    settled->is_over = found->is_unexplained && found->candidates[0].hypothesis == settled->hypothesis;
-    settled->until = settled->is_over ? found->since : found->time;
+    const int64_t before = settled->hypothesis;
+    settled->is_over = before >= 0 && found->candidates[0].hypothesis == before && missed->is_noted[before];
+    settled->until = settled->is_over ? missed->since[before] : found->time;
 }
 
 #endif

@@ -175,10 +175,10 @@ typedef struct {
     double until;
 } Settled;
 
-/* Of each hypothesis, over how many samples it led and did not explain the data, and at which sensor it was off last, by how many sd, since when it
-   first did so, and until when, s. judged: samples after the alarm that were judged up to the last diagnosis. See missed.h. */
+/* Of each hypothesis, whether it led and was far off (`is_noted`), at which sensor the last time, by how many sd, since when
+   the first time, and until when, s. See unexplained.h. */
 typedef struct {
-    int64_t judged, samples[FB_ROOM(N_HYPOTHESES)], signal[FB_ROOM(N_HYPOTHESES)];
+    int64_t is_noted[FB_ROOM(N_HYPOTHESES)], signal[FB_ROOM(N_HYPOTHESES)];
     double sd[FB_ROOM(N_HYPOTHESES)], since[FB_ROOM(N_HYPOTHESES)], until[FB_ROOM(N_HYPOTHESES)];
 } Missed;
 

@@ -278,8 +278,8 @@ static int is_due(const State *state)
 static void conclude_and_settle(State *state, Diagnosis *found, RankingMemory *memory)
 {
     conclude(state, found, memory);
-    settle_on(&state->settled, found, state->clock.index);
-    note_missed(&state->missed, found, since_alarm(state));
+    note_missed(&state->bank, &memory->ranking, found, &state->missed);
+    settle_on(&state->settled, found, &state->missed, state->clock.index);
 }
 
 /* Update the sums, raise the alarm, renew the bank. */

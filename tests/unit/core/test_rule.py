@@ -162,7 +162,7 @@ def test_samples_that_are_not_judged_do_not_count() -> None:
     assert {name: int(monitor.number(name)) for name in since} == {name: value + 30 for name, value in since.items()}
 
 
-@pytest.mark.parametrize(("ago", "is_kept"), [(200, True), (150, False)])
+@pytest.mark.parametrize(("ago", "is_kept"), [(100, True), (60, False)])
 def test_what_was_sure_is_kept_in_mind_though_its_kind_stays_open(ago: int, *, is_kept: bool) -> None:
     """A sensor off by a part or by a constant: what is kept in mind is not corrected by, so the set will do."""
     row, samples = 255, rows()

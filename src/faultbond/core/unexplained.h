@@ -1,0 +1,78 @@
+/* What nothing explains: the likeliest lane does not fit where the detector would raise an alarm on it.
+
+   What led and was far off does not explain the data later either, though it lead and fit again: its lanes have taken what was missing
+   for other values of healthy parameters and for slow errors, or the sums by which they are judged began anew. Either something else
+   changed besides, or it is wrong. A true one passes the limit at times, since no model is exact, but not by as much. Figures:
+   docs/decisions/039-one-after-the-other.md. */
+#ifndef FB_UNEXPLAINED_H
+#define FB_UNEXPLAINED_H
+
+#include "ranking.h"
+
+#define FAR_PAST 1.5 /* limits that a sum has passed which counts for good */
+
+FB_SELDOM
+
+/* The largest sum of a lane: its side, and its sensor. */
+static double largest_sum(const Bank *bank, int64_t lane, int *side, int *signal)
+{
+    *side = *signal = 0;
+    for (int s = 0; s < 2; s++)
+        for (int j = 0; j < N_OUTPUTS; j++)
+            if (bank->sums[s][j][lane] > bank->sums[*side][*signal][lane]) {
+                *side = s;
+                *signal = j;
+            }
+    return bank->sums[*side][*signal][lane];
+}
+
+/* Tell where the best lane does not fit. Not of an input by itself whose record has stopped: what acts is not known, so that nothing
+   speaks against it. */
+static void find_unexplained(const State *state, int64_t lane, Diagnosis *found)
+{
+    const Bank *bank = &state->bank;
+    int side, signal;
+    if (found->n_candidates > 0 && has_stopped(&found->candidates[0])) return;
+    const double sum = largest_sum(bank, lane, &side, &signal);
+    if (sum <= CUSUM_LIMIT) return;
+    const int64_t length = state->clock.index - (int64_t)bank->since[side][signal][lane];
+    const int64_t back = length < DEPTH - 1 ? length : DEPTH - 1;
+    found->is_unexplained = 1;
+    found->signal = signal;
+    found->unexplained_sd = sum / (double)(length > 1 ? length : 1) + CUSUM_DRIFT;
+    found->since = back > 0 ? state->past.rows[(state->clock.index - back) % N_ROWS].time : state->clock.time;
+    found->until = state->clock.time;
+}
+
+static void forget_missed(Missed *missed) { memset(missed, 0, sizeof *missed); }
+
+/* Note what the leading hypothesis does not explain now, if that is much. */
+static void note_missed(const Bank *bank, const Ranking *ranking, const Diagnosis *found, Missed *missed)
+{
+    int side, signal;
+    if (!found->is_unexplained || found->until < found->time) return;
+    const int64_t leading = found->candidates[0].hypothesis;
+    if (!(largest_sum(bank, ranking->best[leading], &side, &signal) > FAR_PAST * CUSUM_LIMIT)) return;
+    if (!missed->is_noted[leading]) missed->since[leading] = found->since;
+    missed->is_noted[leading] = 1;
+    missed->signal[leading] = found->signal;
+    missed->sd[leading] = found->unexplained_sd;
+    missed->until[leading] = found->until;
+}
+
+/* Tell what the leading hypothesis did not explain before, where it explains what is read now. What is superseded says so itself. */
+static void recall_missed(const Missed *missed, Diagnosis *found)
+{
+    if (found->n_candidates == 0 || found->is_unexplained || found->n_superseded > 0) return;
+    const int64_t leading = found->candidates[0].hypothesis;
+    if (!missed->is_noted[leading]) return;
+    found->is_unexplained = 1;
+    found->signal = missed->signal[leading];
+    found->unexplained_sd = missed->sd[leading];
+    found->since = missed->since[leading];
+    found->until = missed->until[leading];
+}
+
+FB_OFTEN
+
+#endif
