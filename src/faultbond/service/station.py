@@ -19,6 +19,7 @@ from faultbond.service.contract.sink import Sink
 from faultbond.service.contract.source import LiveSource, Subscriber
 from faultbond.service.contract.store import Forgotten, LogStore
 from faultbond.service.hub import Hub
+from faultbond.service.memory import give_back
 from faultbond.service.offline.desk import OfflineDesk
 from faultbond.service.sinks.delivery import Deliveries
 from faultbond.service.sinks.measures import ServiceMeasures, families
@@ -35,6 +36,7 @@ MOST_ROWS = 5000  # in it, and those of one arrival
 LONGEST_TURN = 0.5  # s that it should take, after which others may ask; after an alarm a row takes many times as long
 TICK = 1.0  # s between two looks at who has gone silent
 FORGET_EVERY = 600.0  # s between two looks at what is too old
+GIVE_BACK_EVERY = 60.0  # s between two times at which memory that is free goes back to the system
 FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0  # s before a source that was lost is opened again
 RETRY = 1.0  # s before the store is tried again
 DEED_PATIENCE = 10.0  # s that who wants something waits, as for a server that begins anew, before that is refused
@@ -457,7 +459,7 @@ class Service:
     async def _tick(self) -> None:
         """Tell who has gone silent, or whose shelf has ended."""
         known: dict[str, tuple[Any, ...]] = {}
-        troubles, forgotten = list[str](), self._steady()
+        troubles, forgotten, given_back = list[str](), self._steady(), self._steady()
         while True:
             await asyncio.sleep(TICK)
             moved = self._wall.jumped()
@@ -466,6 +468,9 @@ class Service:
             if self._steady() - forgotten >= FORGET_EVERY:
                 went = await asyncio.to_thread(self._forget)
                 forgotten = forgotten if went.is_any else self._steady()  # there may be more, after those who wait
+            if self._steady() - given_back >= GIVE_BACK_EVERY:
+                await asyncio.to_thread(give_back)
+                given_back = self._steady()
             await asyncio.to_thread(self._reserve)
             if troubles != self._troubles():
                 troubles = self._troubles()

@@ -1,0 +1,61 @@
+"""Memory that is free goes back to the system, once a minute."""
+
+import asyncio
+import platform
+import subprocess
+import sys
+
+import pytest
+
+from faultbond.service import memory
+from faultbond.service.station import GIVE_BACK_EVERY
+from played import Played, play
+
+BETWEEN = """
+from pathlib import Path
+from faultbond.service.memory import give_back
+
+def resident():
+    return 4096 * int(Path("/proc/self/statm").read_text().split()[1])
+
+pieces = [bytes(1000 + k % 977) for k in range(50000)]
+few = pieces[::50]  # so that what is freed lies between what is not
+del pieces
+before = resident()
+give_back()
+print(before - resident())
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
+def test_what_was_freed_between_what_was_not_goes_back() -> None:
+    """Tens of megabytes, which the C library keeps else."""
+    done = subprocess.run([sys.executable, "-c", BETWEEN], capture_output=True, text=True, check=True)
+    assert int(done.stdout) > 40e6
+
+
+def test_a_library_that_has_no_such_function_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where the C library is another one."""
+    monkeypatch.setattr("ctypes.CDLL", lambda name: object())
+    memory._trim.cache_clear()
+    memory.give_back()
+    assert memory._trim() is None
+    memory._trim.cache_clear()
+
+
+def test_a_service_gives_it_back_once_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And not at each look at its parts."""
+    monkeypatch.setattr("faultbond.service.station.TICK", 0.01)
+    given = list[None]()
+    monkeypatch.setattr("faultbond.service.station.give_back", lambda: given.append(None))
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(20))
+        await asyncio.sleep(0.1)
+        assert not given
+        played.steady.now += GIVE_BACK_EVERY
+        await played.until(lambda: bool(given))
+        await asyncio.sleep(0.1)
+
+    play(Played(), course)
+    assert len(given) == 1
