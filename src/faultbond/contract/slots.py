@@ -40,10 +40,10 @@ INPUT_KINDS = {  # and of each of them
     FaultKind.STUCK: 0.3,
     FaultKind.INTERMITTENT: 0.2,
 }
-SENSOR_KINDS = {  # prior weights of the faults of a sensor; a wrong gain is rare, and hard to tell from the plant
+SENSOR_KINDS = {  # prior weights of the faults of a sensor; a gain is seldom wrong, and hard to tell from the plant
     FaultKind.BIAS: 0.577,
     FaultKind.DRIFT: 0.12,
-    FaultKind.GAIN: 0.003,
+    FaultKind.GAIN: 0.06,
     FaultKind.STUCK: 0.2,
     FaultKind.NOISE: 0.1,
     FaultKind.INTERMITTENT: 0.1,

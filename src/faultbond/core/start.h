@@ -246,18 +246,27 @@ static void find_decade(const int *unknown, int n, double *base, SolveMemory *me
 }
 
 /* The size of each unknown state at which it would explain outputs, `total` sd of the noise on the whole, and its `effect` with
-   it, by secants from `from`. Gives whether laws have values there. */
+   it, by secants from `from`. Where laws have no value, as of an accumulator that holds more than its volume, what they miss says nothing:
+   then halfway, in logarithm, to where they had. Gives whether they have values there. */
 static int follow_secants(const int *unknown, int n, double total, const double *base, double *effect, SolveMemory *memory)
 {
-    double *size = memory->size;
+    double *size = memory->size, reached[FB_ROOM(N_STATES)];
     int lost = 0;
-    for (int c = 0; c < n; c++) size[unknown[c]] = 1.0;
+    for (int c = 0; c < n; c++) {
+        size[unknown[c]] = 1.0;
+        reached[c] = effect[c] = 0.0;
+    }
     for (int secant = 0; secant < START_SECANTS; secant++) {
         for (int c = 0; c < n; c++) ask(memory->from, unknown[c], size[unknown[c]], memory->guesses[0].slope[c], memory);
         answer(memory);
         for (int c = 0; c < n; c++) {
             double *slope = memory->guesses[0].slope[c], *own = &size[unknown[c]];
-            lost |= secant >= START_SECANTS - 2 && is_lost(slope, memory->n_readings);
+            if (is_lost(slope, memory->n_readings)) {
+                lost |= secant >= START_SECANTS - 2;
+                *own *= reached[c] > 0.0 ? sqrt(reached[c] / *own) : 1e-3;
+                continue;
+            }
+            reached[c] = *own;
             for (int64_t k = 0; k < memory->n_readings; k++) slope[k] = (slope[k] - base[k]) / *own;
             effect[c] = sqrt(sum_of_squares(slope, memory->n_readings)) * *own;
             const double factor = total / (effect[c] < 1e-300 ? 1e-300 : effect[c]);
@@ -546,9 +555,20 @@ static int is_shown_far(double (*samples)[N_SAMPLE], const int *unknown, int n_u
     return 0;
 }
 
+/* What lags behind an input is about where that is. */
+static void know_followers(double (*samples)[N_SAMPLE], SolveMemory *memory)
+{
+    for (int i = 0; i < N_STATES; i++) {
+        const int k = START_INPUT[i];
+        if (k < 0) continue;
+        memory->centre[i] = samples[0][SAMPLE_U + k];
+        memory->size[i] = lag_behind(samples, memory->count, k);
+    }
+}
+
 /* What is known of the states beforehand: stated, or settled and of a size that the readings suggest. Sets
    `centre`, `size` and `free`; what is stated may be off too, and would put the others off, so only what is exact
-   stays. What lags behind an input is about where that is. */
+   stays. */
 static void know_beforehand(double (*samples)[N_SAMPLE], const double *sd, const int *unknown, int n_unknown,
                             SolveMemory *memory)
 {
@@ -561,17 +581,16 @@ static void know_beforehand(double (*samples)[N_SAMPLE], const double *sd, const
     }
     for (int c = 0; c < n_unknown; c++) memory->centre[unknown[c]] = settled[unknown[c]];
     find_sizes(samples, unknown, n_unknown, footings, 2, memory);
+    know_followers(samples, memory);
     memory->n_free = 0;
     for (int i = 0; i < N_STATES; i++) {
-        const int k = START_INPUT[i];
-        if (k >= 0) memory->centre[i] = samples[0][SAMPLE_U + k];
-        if (k >= 0) memory->size[i] = lag_behind(samples, memory->count, k);
-        if (k < 0 && fabs(memory->centre[i] - START_MEAN[i]) > FAR_SETTLED * memory->size[i]) memory->centre[i] = START_MEAN[i];
+        if (START_INPUT[i] < 0 && fabs(memory->centre[i] - START_MEAN[i]) > FAR_SETTLED * memory->size[i]) memory->centre[i] = START_MEAN[i];
         if (memory->size[i] > 0.0) memory->free[memory->n_free++] = i;
     }
     if (!is_shown_far(samples, unknown, n_unknown, memory)) return;
     for (int c = 0; c < n_unknown; c++) memory->centre[unknown[c]] = seen[unknown[c]];
     find_sizes(samples, unknown, n_unknown, &seen, 1, memory);
+    know_followers(samples, memory);
 }
 
 /* Solve the start: the states before the first of the packed samples, SI, and the covariance [AT_SLOT][AT_SLOT] of
