@@ -563,7 +563,10 @@ def fit_verdict(fitted: Fitted) -> str:
     """Say in a sentence what came of it."""
     found = fitted.found
     if not found.summit.settled:
-        return "The search did not come to rest; values may still move. State better nominal values or fix some."
+        return (
+            "The search did not come to rest; values may still move. Fit what was written once more; where that does "
+            "not come to rest either, state better nominal values or fix some."
+        )
     bad = [item.parameter.name for item in fitted.estimates if not item.determined]
     good = [item.parameter.name for item in fitted.estimates if item.determined]
     slow = [item.sensor for item in found.whiteness if not item.white]
