@@ -220,6 +220,14 @@ static int is_lost(const double *misfit, int64_t n)
     return 0;
 }
 
+/* Whether a law has no value, see `answer`; a sensor that is very precise may well be off by more. */
+static int has_no_value(const double *misfit, int64_t n)
+{
+    for (int64_t k = 0; k < n; k++)
+        if (fabs(misfit[k]) == RUN_AWAY) return 1;
+    return 0;
+}
+
 /* Whether all laws have values at `from`; the misfits there go to `base`. */
 static int has_values(double *base, SolveMemory *memory)
 {
@@ -261,8 +269,8 @@ static int follow_secants(const int *unknown, int n, double total, const double 
         answer(memory);
         for (int c = 0; c < n; c++) {
             double *slope = memory->guesses[0].slope[c], *own = &size[unknown[c]];
-            if (is_lost(slope, memory->n_readings)) {
-                lost |= secant >= START_SECANTS - 2;
+            lost |= secant >= START_SECANTS - 2 && is_lost(slope, memory->n_readings);
+            if (has_no_value(slope, memory->n_readings)) {
                 *own *= reached[c] > 0.0 ? sqrt(reached[c] / *own) : 1e-3;
                 continue;
             }
