@@ -130,3 +130,20 @@ def test_fault_is_not_explained_away(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert 30.0 <= found[1]["time"] <= 32.0
     group = {tuple(item["parameters"]) for item in found[-2]["candidates"] if item["group"]}
     assert {("Ra",), ("Rb",), ("Rc",)} <= group
+
+
+@pytest.mark.parametrize("gain", [0.87, 1.12])
+def test_a_wrong_gain_of_a_store_s_sensor_is_not_the_store_for_sure(
+    gain: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Data hardly tell a gauge that reads a part of what there is from a tank that is wider: both are told."""
+    place, made = EXAMPLES / "tank", tmp_path / "gain.csv"
+    words = ("--inputs", str(place / "healthy.csv"), "--seed", "1", "--fault", f"pressure.gain=x{gain}@2000")
+    assert main(["simulate", str(place / "model.yaml"), *words, "-o", str(made)]) == DONE
+    capsys.readouterr()
+    assert main(["run", str(place / "model.yaml"), str(made), "--json", "-"]) == FAULT_DETECTED
+    found = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    last = [record for record in found if record["record"] == "diagnosis"][-1]
+    group = [item for item in last["candidates"] if item["group"]]
+    assert ["pressure"] in [item["components"] for item in group]
+    assert group[0]["probability"] < 0.9

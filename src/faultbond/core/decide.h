@@ -223,7 +223,6 @@ static int accept(State *state, int64_t hypothesis, int repaired, Candidate *can
     clear_bank(state);
     forget_sure(&state->sure);
     forget_settled(&state->settled);
-    forget_missed(&state->missed);
     return 0;
 }
 

@@ -54,6 +54,8 @@ static const Field FIELDS[] = {
     NUMBER(beginning.sample), WHOLE(beginning.count, 0.0, MOST_FIRST), FLAG(beginning.again),
     POSITIVE(bank.sums), FIELD(bank.since, 0.0, LARGEST_COUNT, 0, 0, 0), ANYTHING(bank.healthy), COUNT(bank.onset), FLAG(bank.rests),
     WHOLE(bank.grown, -1.0, N_RESERVE > 0 ? N_RESERVE - 1.0 : 0.0), FLAG(bank.rejected),
+    FLAG(bank.missed.is_noted), WHOLE(bank.missed.signal, 0.0, N_OUTPUTS - 1.0), POSITIVE(bank.missed.sd), FINITE(bank.missed.since),
+    FINITE(bank.missed.until),
     WHOLE(bank.coupled, -1.0, N_COUPLES > 0 ? N_COUPLES - 1.0 : 0.0), WHOLE(bank.base, -1.0, FB_ROOM(SWITCHED) - 1.0),
     ANYTHING(bank.noted), COUNT(bank.noted_at),
     WHOLE(job.kind, 0.0, 3.0), WHOLE(job.renewals, 0.0, 3.0), NUMBER(job.ended), NUMBER(job.settled), COUNT(job.oldest),
@@ -76,9 +78,8 @@ static const Field FIELDS[] = {
     WHOLE(alarm.old, -1.0, SNAPSHOTS - 1.0), FLAG(alarm.slow), COUNT(alarm.outside),
     WHOLE(sure.hypothesis, -1.0, N_HYPOTHESES - 1.0), NUMBER(sure.since), NUMBER(sure.clear_since),
     WHOLE(settled.now.hypothesis, -1.0, N_HYPOTHESES - 1.0), NUMBER(settled.now.since), NUMBER(settled.now.clear_since),
-    WHOLE(settled.hypothesis, -1.0, N_HYPOTHESES - 1.0), FLAG(settled.is_over), WHOLE(settled.n_parts, 0.0, LARGEST_SET),
+    WHOLE(settled.hypothesis, -1.0, N_HYPOTHESES - 1.0), WHOLE(settled.n_parts, 0.0, LARGEST_SET),
     WHOLE(settled.parts, 0.0, N_PARTS > 0 ? N_PARTS - 1.0 : 0.0), FINITE(settled.until),
-    FLAG(missed.is_noted), WHOLE(missed.signal, 0.0, N_OUTPUTS - 1.0), POSITIVE(missed.sd), FINITE(missed.since), FINITE(missed.until),
 };
 #define N_FIELDS ((int64_t)(sizeof FIELDS / sizeof FIELDS[0]))
 

@@ -78,10 +78,11 @@ static void find_superseded(const State *state, const Ranking *ranking, Diagnosi
     const int64_t before = state->settled.hypothesis, leading = leading_hypothesis(ranking);
     if (before < 0 || leading < 0 || state->bank.rejected[before]) return;
     const int is_likely = ranking->score[before] >= ranking->score[leading] - GROUP_NATS;
-    if (!state->settled.is_over && (is_likely || has_settled(&found->candidates[0], &state->settled))) return;
+    const Missed *missed = &state->bank.missed; /* what led and was far off is over, though it lead again */
+    if (!missed->is_noted[before] && (is_likely || has_settled(&found->candidates[0], &state->settled))) return;
     found->n_superseded = state->settled.n_parts;
     memcpy(found->superseded, state->settled.parts, sizeof found->superseded);
-    found->superseded_until = state->settled.until;
+    found->superseded_until = missed->is_noted[before] ? missed->since[before] : state->settled.until;
 }
 
 /* Leave to a model that is off what is its part of a ranking. It tells no tested set from another, so each has an even share. */

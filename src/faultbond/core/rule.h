@@ -21,7 +21,6 @@ static void forget_settled(Settled *settled)
 {
     forget_sure(&settled->now);
     settled->hypothesis = -1;
-    settled->is_over = 0;
     settled->n_parts = 0;
     settled->until = 0.0;
 }
@@ -73,18 +72,15 @@ static void note_parts(const Candidate *candidate, Settled *settled)
 }
 
 /* Take the diagnosis of a sample, so that what is sure now is known later. What counts is the set: nothing is corrected, so its kind
-   may stay open. What was sure, leads, and was far off is over (`note_missed`). */
-static void settle_on(Settled *settled, const Diagnosis *found, const Missed *missed, int64_t sample)
+   may stay open. */
+static void settle_on(Settled *settled, const Diagnosis *found, int64_t sample)
 {
     take_diagnosis(&settled->now, found, sample, SETTLED);
     if (settled->now.hypothesis >= 0 && sample - settled->now.since >= SETTLED_SAMPLES) {
         settled->hypothesis = settled->now.hypothesis;
         note_parts(&found->candidates[0], settled);
     }
-    if (found->n_candidates == 0 || found->n_superseded > 0) return;
-    const int64_t before = settled->hypothesis;
-    settled->is_over = before >= 0 && found->candidates[0].hypothesis == before && missed->is_noted[before];
-    settled->until = settled->is_over ? missed->since[before] : found->time;
+    if (found->n_candidates > 0 && found->n_superseded == 0) settled->until = found->time;
 }
 
 #endif

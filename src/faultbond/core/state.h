@@ -62,6 +62,13 @@ typedef struct {
 typedef double PlainBlock[PLAIN_NUMBERS][GROUP];
 typedef double WideBlock[WIDE_NUMBERS][GROUP];
 
+/* Of each hypothesis, whether it led and was far off (`is_noted`), at which sensor the last time, by how many sd, since when
+   the first time, and until when, s. See unexplained.h. */
+typedef struct {
+    int64_t is_noted[FB_ROOM(N_HYPOTHESES)], signal[FB_ROOM(N_HYPOTHESES)];
+    double sd[FB_ROOM(N_HYPOTHESES)], since[FB_ROOM(N_HYPOTHESES)], until[FB_ROOM(N_HYPOTHESES)];
+} Missed;
+
 /* All lanes: of steps (N_PLANNED, then PER_SET of each set that is taken from the reserve), then those with a slot (of the
    plan, then PER_COUPLE of each couple). Lanes that fill up the last block repeat its first. */
 typedef struct {
@@ -77,6 +84,7 @@ typedef struct {
     int64_t coupled[FB_ROOM(N_COUPLED)];          /* the same of couples, */
     int64_t base[FB_ROOM(N_COUPLE_LANES)];        /* and the lane of the plan whose slot each has; -1: it has not begun */
     int64_t rejected[FB_ROOM(N_HYPOTHESES)];      /* 1 where a person has ruled it out */
+    Missed missed;
     double noted[2][2][FB_ROOM(LARGEST_SET)][FB_ROOM(N_LANES)]; /* suspects of each lane as they were noted last, and before
                                                      that ([0]): values and their sds, SI */
     int64_t noted_at[2];                          /* and at which samples; 0: not yet */
@@ -167,20 +175,13 @@ typedef struct {
     int64_t hypothesis, since, clear_since;
 } Sure;
 
-/* The hypothesis that has been sure for as long as the rule asks, and that a person may have accepted, or -1; the parts
-   that are at fault by it, and when it was among the likeliest last, and explained the data, s; is_over: since then it did not. */
+/* The hypothesis that was sure for so long that a person may have accepted it (`settle_on` in rule.h), or -1; the parts
+   that are at fault by it, and when it was among the likeliest last, s. */
 typedef struct {
     Sure now;
-    int64_t hypothesis, is_over, n_parts, parts[FB_ROOM(LARGEST_SET)];
+    int64_t hypothesis, n_parts, parts[FB_ROOM(LARGEST_SET)];
     double until;
 } Settled;
-
-/* Of each hypothesis, whether it led and was far off (`is_noted`), at which sensor the last time, by how many sd, since when
-   the first time, and until when, s. See unexplained.h. */
-typedef struct {
-    int64_t is_noted[FB_ROOM(N_HYPOTHESES)], signal[FB_ROOM(N_HYPOTHESES)];
-    double sd[FB_ROOM(N_HYPOTHESES)], since[FB_ROOM(N_HYPOTHESES)], until[FB_ROOM(N_HYPOTHESES)];
-} Missed;
 
 typedef struct {
     Clock clock;
@@ -196,7 +197,6 @@ typedef struct {
     Alarm alarm;
     Sure sure;
     Settled settled;
-    Missed missed;
 } State;
 
 /* Samples since the alarm that tell of it. */

@@ -44,11 +44,10 @@ static void find_unexplained(const State *state, int64_t lane, Diagnosis *found)
     found->until = state->clock.time;
 }
 
-static void forget_missed(Missed *missed) { memset(missed, 0, sizeof *missed); }
-
 /* Note what the leading hypothesis does not explain now, if that is much. */
-static void note_missed(const Bank *bank, const Ranking *ranking, const Diagnosis *found, Missed *missed)
+static void note_missed(const Ranking *ranking, const Diagnosis *found, Bank *bank)
 {
+    Missed *missed = &bank->missed;
     int side, signal;
     if (!found->is_unexplained || found->until < found->time) return;
     const int64_t leading = found->candidates[0].hypothesis;

@@ -79,7 +79,6 @@ static void begin_state(State *state, double t0, int64_t quiet)
     clear_bank(state);
     forget_sure(&state->sure);
     forget_settled(&state->settled);
-    forget_missed(&state->missed);
     state->alarm.walker = state->alarm.window = state->alarm.old = -1;
     forget_beginning(&state->beginning);
 }
@@ -181,7 +180,6 @@ static void lose(State *state)
         clear_bank(state);
         forget_sure(&state->sure);
         forget_settled(&state->settled);
-        forget_missed(&state->missed);
     }
     state->clock.begun = -1;
     state->clock.running = 0;
@@ -278,8 +276,8 @@ static int is_due(const State *state)
 static void conclude_and_settle(State *state, Diagnosis *found, RankingMemory *memory)
 {
     conclude(state, found, memory);
-    note_missed(&state->bank, &memory->ranking, found, &state->missed);
-    settle_on(&state->settled, found, &state->missed, state->clock.index);
+    note_missed(&memory->ranking, found, &state->bank);
+    settle_on(&state->settled, found, state->clock.index);
 }
 
 /* Update the sums, raise the alarm, renew the bank. */

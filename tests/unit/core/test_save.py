@@ -310,7 +310,7 @@ def test_samples_at_the_edge_of_order_are_taken() -> None:
 def test_the_time_of_a_kept_sample_is_a_number() -> None:
     """Onsets are told by the times of samples that are kept, so these are finite; their filter may have run away."""
     spec, saved = cell().spec, course().saved[150]
-    first, width = place_of("missed.until").stop, spec.n_sample + spec.n_numbers + 2
+    first, width = place_of("settled.until").stop, spec.n_sample + spec.n_numbers + 2
     for row in (0, 41, spec.thresholds.history_samples + 1):
         for number, expected in ((width - 2, DAMAGED), (width - 1, 0), (width - 3, 0), (0, 0)):
             other = saved.copy()

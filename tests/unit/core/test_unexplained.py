@@ -27,7 +27,7 @@ def leading(monitor: Monitor) -> int:
 
 def noted(monitor: Monitor, hypothesis: int) -> Monitor:
     """One that knows that a hypothesis was far off at the second sensor once."""
-    known = np.arange(len(monitor.numbers("missed.is_noted"))) == hypothesis
+    known = np.arange(len(monitor.numbers("bank.missed.is_noted"))) == hypothesis
     was = {"signal": 1, "sd": 2.5, "since": 130.0, "until": 137.0}
     return changed(monitor, **{"missed.is_noted": known, **{f"missed.{name}": value for name, value in was.items()}})
 
@@ -58,12 +58,12 @@ def test_what_leads_is_noted_where_it_is_far_off(sum_now: float, *, is_off: bool
     last = monitor.take(rows()[ROW:]).last.diagnosis
     assert last is not None
     assert (last.unexplained is not None) == is_off
-    assert np.flatnonzero(monitor.numbers("missed.is_noted")).tolist() == [best] * is_kept
+    assert np.flatnonzero(monitor.numbers("bank.missed.is_noted")).tolist() == [best] * is_kept
     if is_kept:
         assert last.unexplained is not None
         until = [last.unexplained.until, last.time]
-        assert [monitor.numbers("missed.until")[best]] * 2 == until
-        assert monitor.numbers("missed.since")[best] == last.unexplained.since
+        assert [monitor.numbers("bank.missed.until")[best]] * 2 == until
+        assert monitor.numbers("bank.missed.since")[best] == last.unexplained.since
 
 
 def test_it_is_told_since_when_it_first_was() -> None:
@@ -72,8 +72,8 @@ def test_it_is_told_since_when_it_first_was() -> None:
     best = leading(monitor)
     last = monitor.take(rows()[ROW:]).last.diagnosis
     assert last is not None
-    assert monitor.numbers("missed.since")[best] == 130.0
-    assert monitor.numbers("missed.until")[best] == last.time > 137.0
+    assert monitor.numbers("bank.missed.since")[best] == 130.0
+    assert monitor.numbers("bank.missed.until")[best] == last.time > 137.0
 
 
 def test_a_decision_forgets_it() -> None:
@@ -82,4 +82,4 @@ def test_a_decision_forgets_it() -> None:
     best = leading(monitor)
     known = noted(monitor, best)
     known.accept(best)
-    assert not known.numbers("missed.is_noted").any()
+    assert not known.numbers("bank.missed.is_noted").any()
