@@ -346,3 +346,14 @@ def test_where_only_the_very_zero_has_values_a_start_is_sought_from_elsewhere(ca
     assert [state.name for state in spec.states] == ["a.e", "b.e", "c.e"]
     assert np.all(np.abs(mean - made.outputs[0]) < 6.0 * 3e3)
     assert np.all(np.sqrt(np.diag(covariance)) < 20e3)
+
+
+def test_what_lags_behind_an_input_is_about_where_that_is_though_all_else_is_far_off() -> None:
+    """The same drive, whose voltage lags: what other states are shown to be says nothing of the size of that."""
+    spec, core = build_engine(parse_model(HOT_DRIVE.replace("voltage: {unit: V}", "voltage: {unit: V, lag: 1 s}")))
+    _, _, samples, _ = driven(60.0, 100.0)
+    rows = packed(spec, samples)
+    rows[:, spec.sample_fields["use"]] = [0.0, 0.0, 0.0, 1.0]  # the temperature alone is read, which hardly tells of it
+    mean, covariance = solved(core, rows)
+    assert mean[-1] == pytest.approx(60.0, abs=6.0)
+    assert np.sqrt(covariance[-1, -1]) == pytest.approx(18.0, rel=0.01)  # thrice a tenth of 60 V
