@@ -103,6 +103,22 @@ def share_of(n: int) -> float:
     return 1.0 / (1.0 + min(n, settings["MOST_AS_MANY"]) / settings["AS_MANY"])
 
 
+def raised(evidence: FloatArray, spec: EngineSpec = SPEC, after: int = 400) -> FloatArray:
+    """Raise what parts of sets are worth to where a model that may be off leaves them; by hypothesis, no logarithms."""
+    suspects = [(*spec.members(k), *(item.name for item in spec.instruments_in(k))) for k in range(len(evidence))]
+    sets = [frozenset(chosen) for chosen in suspects]
+    settings = core_settings()
+    allowed = np.exp(0.5 * settings["OFF_AT_EACH"] ** 2 * after * share_of(after))
+    found = evidence.copy()
+    for k, whole in enumerate(sets):
+        parts = [i for i, other in enumerate(sets) if other < whole and evidence[i] > 0.0]
+        if not parts or evidence[k] < evidence.max() * np.exp(-settings["FAR_BEHIND"]):
+            continue
+        times = min(evidence[k] * np.exp(-settings["LEFT_OF_IT"]) / max(evidence[parts]), allowed)
+        found[parts] = np.maximum(found[parts], evidence[parts] * times)
+    return found
+
+
 class Diagnosed:
     """A state of zeros, with an alarm at sample 100, now 500: numbers by name, lanes, and what is made of it."""
 

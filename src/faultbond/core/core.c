@@ -12,7 +12,8 @@
      7. bank.h       a filter for every hypothesis from there, begun little by little (work.h, onsets.h): steps.h and growing.h
                      for steps of parameters, slots.h and ramps.h for all other kinds of fault, couples.h for two kinds at once
      8. ranking.h    how likely each hypothesis is, and what is wrong by how much; moving.h: which values still move;
-                     fault_range.h: which cannot be, stopped.h: meters that have stuck, within.h: what is no more than the accuracy; mismatch.h: that the model is off;
+                     fault_range.h: which cannot be, stopped.h: meters that have stuck, further.h: what a model's errors may be all of,
+                     within.h: what is no more than the accuracy; mismatch.h: that the model is off;
                      unexplained.h: what nothing explains; untested.h: what else it could be
      9. diagnosis.h  what is said; advice.h: what to check next
     10. decide.h     a diagnosis becomes the healthy model, by rule.h without a person, or is ruled out; save.h: a state as

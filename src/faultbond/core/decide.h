@@ -226,22 +226,6 @@ static int accept(State *state, int64_t hypothesis, int repaired, Candidate *can
     return 0;
 }
 
-/* Whether a hypothesis is out once another one is rejected: it is that, or contains it. */
-static int falls_with(int64_t hypothesis, int64_t rejected)
-{
-    const int *chosen, *members;
-    const int n = members_of(rejected, &chosen), n_members = members_of(hypothesis, &members);
-    const int64_t wanted[2] = {instrument_of(rejected), second_instrument_of(rejected)};
-    for (int i = 0; i < 2; i++)
-        if (wanted[i] >= 0 && instrument_of(hypothesis) != wanted[i] && second_instrument_of(hypothesis) != wanted[i]) return 0;
-    for (int i = 0; i < n; i++) {
-        int is_there = 0;
-        for (int k = 0; k < n_members; k++) is_there |= members[k] == chosen[i];
-        if (!is_there) return 0;
-    }
-    return 1;
-}
-
 /* Rule a hypothesis out until the next alarm, with all sets that contain it; the others share their probability.
    Gives 0, or why not. */
 static int reject(State *state, int64_t hypothesis, Candidate *candidate, Diagnosis *found, RankingMemory *memory)
@@ -252,10 +236,10 @@ static int reject(State *state, int64_t hypothesis, Candidate *candidate, Diagno
     if (bank->rejected[hypothesis]) return REJECTED_ALREADY;
     int is_last = 1;
     for (int64_t k = 0; k < N_HYPOTHESES; k++)
-        if (memory->ranking.score[k] > -INFINITY && !bank->rejected[k] && !falls_with(k, hypothesis)) is_last = 0;
+        if (memory->ranking.score[k] > -INFINITY && !bank->rejected[k] && !has_all_of(k, hypothesis)) is_last = 0;
     if (is_last) return LAST_ONE;
     for (int64_t k = 0; k < N_HYPOTHESES; k++)
-        if (falls_with(k, hypothesis)) bank->rejected[k] = 1;
+        if (has_all_of(k, hypothesis)) bank->rejected[k] = 1;
     wake(bank);
     forget_sure(&state->sure);
     forget_sure(&state->settled.now); /* what was sure before stays so, unless that is what is rejected */

@@ -2,6 +2,7 @@
 #ifndef FB_DIAGNOSIS_H
 #define FB_DIAGNOSIS_H
 
+#include "further.h"
 #include "mismatch.h"
 #include "unexplained.h"
 #include "untested.h"
@@ -36,6 +37,7 @@ static void conclude(const State *state, Diagnosis *found, RankingMemory *memory
     found->unexplained_sd = found->since = found->until = found->untested_probability = found->superseded_until = NAN;
     if (N_HYPOTHESES == 0 || state->clock.alarm < 0 || state->job.kind == BEGINNING) return;
     score_all(state, OUT_REJECTED, ranking);
+    allow_for_model(state, ranking);
     leave_out_small(state, ranking);
     rank(state, ranking, found);
     find_superseded(state, ranking, found);

@@ -44,6 +44,22 @@ static int64_t second_instrument_of(int64_t hypothesis)
     return hypothesis >= FIRST_MIXED ? COUPLE_BESIDE[hypothesis - FIRST_MIXED] : -1;
 }
 
+/* Whether a hypothesis is another one, or contains it. */
+static int has_all_of(int64_t hypothesis, int64_t part)
+{
+    const int *chosen, *members;
+    const int n = members_of(part, &chosen), n_members = members_of(hypothesis, &members);
+    const int64_t wanted[2] = {instrument_of(part), second_instrument_of(part)};
+    for (int i = 0; i < 2; i++)
+        if (wanted[i] >= 0 && instrument_of(hypothesis) != wanted[i] && second_instrument_of(hypothesis) != wanted[i]) return 0;
+    for (int i = 0; i < n; i++) {
+        int is_there = 0;
+        for (int k = 0; k < n_members; k++) is_there |= members[k] == chosen[i];
+        if (!is_there) return 0;
+    }
+    return 1;
+}
+
 /* The hypothesis of a lane, steps first. */
 static int64_t hypothesis_of(const Bank *bank, int64_t lane)
 {
