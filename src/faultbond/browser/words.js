@@ -205,7 +205,7 @@ function certaintyOf(diagnosis) {
 
 function otherwiseText(best) {
   const others = Object.entries(best.kinds).filter(([kind, share]) => kind !== best.kind && share >= OTHERWISE);
-  return others.length ? ` It may also be ${others.map(([kind, share]) => `${KIND_WORDS[kind]} (${(100 * share).toFixed(0)}${NO_BREAK}%)`).join(" or ")}.` : "";
+  return others.length ? ` Of its kind less is sure: it may also be ${others.map(([kind, share]) => `${KIND_WORDS[kind]} (${(100 * share).toFixed(0)}${NO_BREAK}%)`).join(" or ")}.` : "";
 }
 
 // That a parameter may be declared to wander, or to wander more; nothing of one that says how something lags.

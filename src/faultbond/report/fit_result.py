@@ -56,6 +56,7 @@ FORMAL = 0.05  # of the noise of a sensor; a slow error as small is declared for
 AT_MOST = 0.999  # of what is declared; a slow error is not found larger
 _CLOSE = 0.1  # accuracies by which what is read back from the file may differ, from rounding
 HEADER = ("name", "component", "nominal", "estimate ± sd", "unit", "change", "accuracy", "from the data")
+WHOLE = ("estimate ± sd", "found ± sd")  # columns that are not folded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -375,11 +376,12 @@ def print_fit(console: Console, fitted: Fitted, output: Path | None) -> None:
     lines(console, data)
     if fitted.estimates:
         title(console, "Parameters")
-        table(console, HEADER, parameter_rows(fitted))
+        table(console, HEADER, parameter_rows(fitted), whole=WHOLE)
         lines(console, remarks(fitted))
     rows = fitted.graph.rows_per_sample
     title(console, "Noise and what is left", f"noise of means of {rows} rows" if rows > 1 else "")
-    table(console, ("sensor", "declared noise", "found ± sd", "unit", "what is left"), list(noise_rows(fitted)))
+    header = ("sensor", "declared noise", "found ± sd", "unit", "what is left")
+    table(console, header, list(noise_rows(fitted)), whole=WHOLE)
     lines(console, list(size_lines(fitted)))
     console.print()
     style = "bold green" if found.summit.settled else "bold yellow"

@@ -502,7 +502,7 @@ def _instruments(graph: BondGraph) -> Iterator[tuple[str, str]]:
     if graph.grid is not TimeGrid.NONE:
         instruments: list[Input | Sensor] = [*graph.inputs, *graph.sensors]
         trusted = [item.name for item in instruments if not item.suspect]
-        some = ", ".join(trusted) or "none: each may fail"
+        some = ", ".join(trusted) or "none of the inputs and sensors: each may fail"
         yield "trusted", "all inputs and sensors" if len(trusted) == len(instruments) else some
 
 

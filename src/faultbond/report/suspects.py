@@ -272,7 +272,7 @@ def otherwise(candidate: Candidate) -> str:
         for kind, share in candidate.kinds
         if kind is not candidate.kind and share >= OTHERWISE
     ]
-    return f" It may also be {' or '.join(others)}." if others else ""
+    return f" Of its kind less is sure: it may also be {' or '.join(others)}." if others else ""
 
 
 def rows_of(graph: BondGraph, suspect: Suspect, notation: Notation, mark: str = "") -> tuple[SuspectRow, ...]:
