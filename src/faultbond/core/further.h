@@ -11,7 +11,7 @@
 
 #include "ranking.h"
 
-#define OFF_AT_EACH 0.2 /* sd of an innovation by which a model may be off at each sample */
+#define OFF_AT_EACH 0.3 /* sd of an innovation by which a model may be off at each sample */
 #define LEFT_OF_IT 1.5  /* nats by which a set is likelier than a part of it that may be all there is */
 #define FAR_BEHIND 25.0 /* nats behind the best from which on what a set says of its parts changes nothing */
 
