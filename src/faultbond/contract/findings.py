@@ -208,6 +208,7 @@ class History:
     detections, diagnoses, accepted, rejected: all records in order. Of a run that went on from another one there are
     also the last few that were accepted before, and the last detection if it was still open, with what was rejected.
     open: the detection for which nothing was accepted yet; by order, not by time, since clocks are set back.
+    missed: a while in which the best candidate did not explain the data, after it had done so; sd is the largest.
     """
 
     time: FloatArray
@@ -225,3 +226,4 @@ class History:
     accepted: tuple[Decision, ...] = ()
     rejected: tuple[Decision, ...] = ()
     open: Detection | None = None
+    missed: Unexplained | None = None

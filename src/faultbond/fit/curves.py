@@ -70,15 +70,16 @@ class _Law:
 def bendable_parameters(model: StepModel) -> tuple[Bendable, ...]:
     """Give the parameters that may go with something: of laws, but of stores or those that keep power, and of sensors.
 
-    None goes with what its law gives, or that would have to be solved anew; where a law is part of a loop, with inputs
-    alone. What a law raises to a power stands for all in it: a film that goes with a flow does so also where the flow
-    is another than the pump's speed lets expect.
+    What is 0 while healthy, as a leak, shows nothing of what it would go with. None goes with what its law gives, or
+    that would have to be solved anew; where a law is part of a loop, with inputs alone. What a law raises to a power
+    stands for all in it: a film that goes with a flow does so also where the flow is another than the pump's speed lets
+    expect.
     """
     laws = _laws(model)
     found = []
     for item in model.plant.graph.parameters:
         own = [law for law in laws if item.name in law.parameters]
-        if all(law.bends for law in own):
+        if item.nominal != 0.0 and all(law.bends for law in own):
             found.append(_bendable(model.plant.graph, item.name, own))
     return tuple(item for item in found if item.acts_on)
 

@@ -59,6 +59,7 @@ def _beside(item: Stray) -> str:
 
 _REMARK = re.compile(r" DOUBTFUL, far outside what was declared.*?; look at [^.]*\.")
 _BEFORE, _WITH = " before an earlier fit", ", with "
+_SHARED = re.compile(rf"(\w+) \([^()]*{_WITH}([^()]*)\)")
 
 
 def earlier_doubt(text: str) -> str:
@@ -71,9 +72,9 @@ def earlier_doubt(text: str) -> str:
     return "" if found is None else found[0].replace("declared:", f"declared{_BEFORE}:")
 
 
-def is_shared(doubt: str) -> bool:
-    """Tell whether values were doubtful together, so that how far each may be off was declared."""
-    return _WITH in doubt
+def shared_by(doubt: str) -> dict[str, tuple[str, ...]]:
+    """Give with which others values were doubtful, so that how far each may be off was declared."""
+    return {name: tuple(re.split(", | and ", others)) for name, others in _SHARED.findall(doubt)}
 
 
 def doubt_texts(doubt: str) -> list[str]:

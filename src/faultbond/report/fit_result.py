@@ -36,7 +36,7 @@ from faultbond.model.graph import BondGraph, Correlation, Input, Sensor, SlowErr
 from faultbond.model.rewrite import NewParameter, NewSize, parameter_path, rewrite
 from faultbond.model.text import parse_model
 from faultbond.report.console import headline, lines, table, title, under
-from faultbond.report.doubts import doubt_texts, is_shared, stray_records, stray_remark, stray_sentence, stray_texts
+from faultbond.report.doubts import doubt_texts, shared_by, stray_records, stray_remark, stray_sentence, stray_texts
 from faultbond.report.numbers import (
     MINUS,
     change_text,
@@ -163,12 +163,15 @@ class Fitted:
     def declared_changes(self) -> tuple[tuple[str, str], ...]:
         """The parameters that seem to change by more than their accuracy allows them to, and by how much."""
         fitted = {item.parameter.name: (item.accuracy, item.value) for item in self.estimates}
-        told, moves = [], self.moves
+        told, moves, shared = [], self.moves, shared_by(self.doubt)
         for item in self.graph.parameters:
             accuracy, value = fitted.get(item.name, (item.accuracy, item.nominal))
             found, least = moves.get(item.name, 0.0), core_settings()["MOVES_BY"] * accuracy
-            found = max(found, item.healthy_change if is_shared(self.doubt) else 0.0)
-            is_told = found > least or (item.name in self.healthy_changes and item.healthy_change > least)
+            others = shared.get(item.name, ())  # where one of them is known now, it is doubtful no longer
+            is_doubtful = bool(others) and {item.name, *others} <= fitted.keys()
+            found = max(found, item.healthy_change if is_doubtful else 0.0)
+            is_asked = item.name in self.healthy_changes or bool(others)
+            is_told = found > least or (is_asked and item.healthy_change > least)
             if is_told and item.name not in self.known:
                 told.append((item.name, _spread_text(max(found, least), item.nominal and value, item.unit)))
         return tuple(told)

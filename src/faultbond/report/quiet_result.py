@@ -515,13 +515,15 @@ def _cost_rows(found: Quieted) -> Iterator[tuple[str, ...]]:
     nominals = {item.name: abs(item.nominal) for item in graph.parameters}
     for item in found.smallest_after:
         unit, nominal = unit_of(graph, item.parameter), nominals.get(item.parameter)
+        claimed = found.fitted.moves.get(item.parameter, 0.0) * DEAF / MOVING
         texts = []
-        for one in (before.get(item.parameter), item):
+        for one, least in ((before.get(item.parameter), 0.0), (item, claimed)):
             if one is None or one.value is None:
                 texts.append("not found" if one is None else one.reason or "not found")
                 continue
-            part = f" ({short(100 * one.value / nominal)} %)" if nominal else ""
-            texts.append(figure(unit.difference_from_si(one.value), digits=3).number() + part)
+            size = max(one.value, least)
+            part = f" ({short(100 * size / nominal)} %)" if nominal else ""
+            texts.append(figure(unit.difference_from_si(size), digits=3).number() + part)
         yield item.parameter, *texts, unit_text(unit.text)
 
 

@@ -158,7 +158,8 @@ def course_sentences(graph: BondGraph, history: History, diagnosis: Diagnosis | 
     is_of_now = began in history.detections  # not of a run before this one
     early = _early_sentence(graph, diagnosis, began) if is_of_now else ""
     gone, slow = _gone_sentence(diagnosis, began), _slow_sentence(graph, diagnosis)
-    told = early, gone, slow, _model_sentence(graph, diagnosis, began)
+    missed = _missed_sentence(history.missed, diagnosis)
+    told = early, gone, missed, slow, _model_sentence(graph, diagnosis, began)
     return tuple(filter(None, told))
 
 
@@ -176,17 +177,40 @@ def _early_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) ->
 
 
 def _gone_sentence(diagnosis: Diagnosis, began: Detection) -> str:
-    """Say that a fault that is gone did not raise the alarm, but a parameter that was off all along; empty else."""
+    """Say that a fault that is gone did not raise the alarm, but what was off all along; or may not be gone.
+
+    From what was off all along the healthy model has learned: errors that it knows may stand for a part of it.
+    """
     walk = began.walk
     if walk is None or not walk.from_start or diagnosis.mismatch or diagnosis.unexplained is not None:
         return ""
     best = diagnosis.candidates[0]
-    if best.present or walk.parameter in {item.parameter for item in best.suspects}:
+    if best.present:
         return ""
+    if walk.parameter in best.parameters:
+        return (
+            f"Yet the alarm came since {walk.parameter} had to be moved from the start on: the model may have taken a "
+            "part of the fault for healthy, so whether it is gone is not certain."
+        )
     return (
         f"The alarm came since {walk.parameter} had to be moved too far from the start on; a fault that is gone does "
         "not explain that. The model may be off as well: `faultbond check` with `--data` and a healthy recording says "
         "where."
+    )
+
+
+def _missed_sentence(found: Unexplained | None, diagnosis: Diagnosis) -> str:
+    """Say when the best candidate, that had explained the data before, did not for a while; empty where it always did.
+
+    Something else may have changed then, and what a model may be off by has made up for it since.
+    """
+    if found is None or diagnosis.unexplained is not None or diagnosis.superseded is not None or diagnosis.mismatch:
+        return ""
+    size, since, until = figure(found.sd, digits=2).number(), clock_text(found.since), clock_text(found.until)
+    return (
+        f"Between {since} and {until} {found.signal} was off all the same, by up to {size} standard deviations: "
+        "something else may have changed then. `faultbond accept` takes this fault as known, and what comes besides "
+        "is found by itself."
     )
 
 

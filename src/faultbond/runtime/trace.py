@@ -2,15 +2,46 @@
 
 from array import array
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.findings import Decision, Detection, Diagnosis, History
+from faultbond.contract.findings import Decision, Detection, Diagnosis, History, Unexplained
 from faultbond.contract.samples import STATUSES, Reports, Samples, Status
 from faultbond.contract.spec import EngineSpec
 
+LASTING = 5  # diagnoses that did not explain the data, from which on that is more than a moment
 MAX_DIAGNOSES = 500  # kept; of a longer run every second one, then every fourth, and so on
+
+
+class Misfits:
+    """What candidates did not explain for a while, though they had explained the data before.
+
+    A while is `LASTING` diagnoses and more of which each says so of what is read then.
+    """
+
+    def __init__(self) -> None:
+        self._fitted = set[tuple[str, ...]]()
+        self._found: dict[tuple[str, ...], tuple[int, Unexplained]] = {}
+
+    def take(self, diagnosis: Diagnosis) -> None:
+        """Take what is said now."""
+        if not diagnosis.candidates:
+            return
+        best, now = diagnosis.candidates[0].parameters, diagnosis.unexplained
+        if now is None:
+            self._fitted.add(best)
+        elif best in self._fitted and now.until == diagnosis.time:
+            count, before = self._found.get(best, (0, now))
+            worst = max(before, now, key=lambda item: item.sd)
+            self._found[best] = count + 1, replace(worst, since=before.since, until=now.until)
+
+    def of(self, diagnosis: Diagnosis) -> Unexplained | None:
+        """Give the while in which the best candidate did not fit, and by how much at most; None: it always did."""
+        best = diagnosis.candidates[0].parameters if diagnosis.candidates else ()
+        count, found = self._found.get(best, (0, None))
+        return found if count >= LASTING else None
 
 
 class Trace:
@@ -40,6 +71,7 @@ class Trace:
         self.status: Status | None = None  # at the newest sample
         self._passed = 0  # diagnoses seen
         self._last: Diagnosis | None = None
+        self._misfits = Misfits()  # since the last alarm
         self._accepted: list[Decision] = []
         self._rejected: list[Decision] = []
 
@@ -67,12 +99,14 @@ class Trace:
         if reports.detection is not None:
             self._detections.append(reports.detection)
             self._open = reports.detection
+            self._misfits = Misfits()
         if reports.diagnosis is not None:
             self.conclude(reports.diagnosis)
 
     def conclude(self, diagnosis: Diagnosis) -> None:
         """Take a diagnosis; that given last is always kept."""
         self._last = diagnosis
+        self._misfits.take(diagnosis)
         if self._curves and self._passed % self._stride == 0:
             self._diagnoses.append(diagnosis)
         self._passed += 1
@@ -121,6 +155,7 @@ class Trace:
             accepted=tuple(self._accepted),
             rejected=tuple(self._rejected),
             open=self._open,
+            missed=None if self._last is None else self._misfits.of(self._last),
         )
 
     def _kept(self) -> tuple[Diagnosis, ...]:

@@ -203,6 +203,18 @@ def test_an_exponent_goes_with_nothing(law: str) -> None:
     assert "h" in wandering
 
 
+@pytest.mark.parametrize(("nominal", "may"), [("0.1 W/K", True), ("0 W/K", False)])
+def test_what_is_not_there_while_healthy_goes_with_nothing(nominal: str, *, may: bool) -> None:
+    """Of a leak of 0 healthy data fix no curve, and a real leak would follow whatever was found."""
+    leak = f"leak: {{type: R, law: f = L*e, parameters: {{L: {{nominal: {nominal}, accuracy: 1 W/K, change: 5 W/K}}}}}}"
+    text = COOLER.replace("  water:", f"  {leak}\n  water:")
+    text = text.replace("metal_side -> metal,", "metal_side -> metal, metal_side -> leak,")
+    assert text.count("leak") == 2
+    found = bendable_parameters(build_step_model(build_plant(parse_model(text))))
+    assert ("L" in {item.parameter for item in found}) == may
+    assert {"k", "U", "h"} <= {item.parameter for item in found}
+
+
 def test_a_change_of_what_goes_with_its_own_flow_is_found_as_large_as_it_is() -> None:
     """Where the pressure is as many times as large as K the flow is the same, by whichever power it goes with it."""
     graph = parse_model(DUCT)

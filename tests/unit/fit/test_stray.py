@@ -348,13 +348,28 @@ def test_what_strayed_with_another_may_be_off_as_far_as_it_moved() -> None:
 
 
 @pytest.mark.parametrize(
-    ("doubt", "size"), [("", "10 %"), (" R (+7 accuracies)", "10 %"), (" R (+7 accuracies, with R_c)", "40 %")]
+    ("doubt", "fitted", "size"),
+    [
+        ("", True, "10 %"),
+        (" R (+7 accuracies)", True, "10 %"),
+        (" R_c (+7 accuracies) and R (+7 accuracies)", True, "10 %"),
+        (" R_c (+7 accuracies, with R) and R (+7 accuracies, with R_c)", True, "40 %"),
+        (" R_c (+7 accuracies, with R) and R (+7 accuracies, with R_c)", False, "10 %"),
+        (" R (+7 accuracies, with R_c and C)", True, "10 %"),
+    ],
 )
-def test_how_far_a_doubtful_value_may_be_off_does_not_become_less(doubt: str, size: str) -> None:
-    """A fit of what was found finds that it stays; without a doubt that is what counts."""
+def test_how_far_a_doubtful_value_may_be_off_does_not_become_less(doubt: str, size: str, *, fitted: bool) -> None:
+    """A fit of what was found finds that it stays; without a doubt, or with a partner that is known, that counts."""
     graph = parse_model(MODEL.replace("RESISTANCE", "{nominal: 2 ohm, healthy_change: 40 %}"), file="m.yaml")
+    accuracy = graph.parameter("R").accuracy
+    both = [SimpleNamespace(parameter=graph.parameter(x), accuracy=accuracy, value=2.0) for x in ("R", "R_c")]
     fake = SimpleNamespace(
-        graph=graph, estimates=(), healthy_changes={"R": 0.2}, moves={"R": 0.2}, doubt=doubt, known=frozenset()
+        graph=graph,
+        estimates=both if fitted else both[:1],
+        healthy_changes={"R": 0.2},
+        moves={"R": 0.2},
+        doubt=doubt,
+        known=frozenset(),
     )
     changes = cast(property, Fitted.declared_changes).fget
     assert changes is not None

@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from faultbond.contract.findings import Candidate, Decider, Decision, Detection, Diagnosis
+from faultbond.contract.findings import Candidate, Decider, Decision, Detection, Diagnosis, Suspect, Unexplained
 from faultbond.contract.samples import STATUSES, Reports, Samples, Status
 from faultbond.contract.spec import EngineSpec, InputSpec, OutputSpec, SlowErrorSpec, Thresholds
-from faultbond.runtime.trace import MAX_DIAGNOSES, Trace
+from faultbond.runtime.trace import LASTING, MAX_DIAGNOSES, Trace
 
 SPEC = EngineSpec(
     model="m",
@@ -184,3 +184,58 @@ def test_blocks_leave_what_samples_leave(edges: tuple[int, ...], curves: bool) -
         kept = getattr(one.history(), name)
         assert np.array_equal(getattr(other.history(), name), kept, equal_nan=True)
         assert len(kept) == (7 if curves else 2)
+
+
+def said(k: int, name: str, sd: float | None, until: int | None = None) -> Diagnosis:
+    """A diagnosis of sample k: this leads, and is so far off the flow, if it is, until then or now."""
+    leads = Candidate(
+        suspects=(Suspect(parameter=name, component=name, nominal=1.0, estimate=2.0, sd=0.1),),
+        probability=1.0,
+        group=True,
+    )
+    off = (
+        None
+        if sd is None
+        else Unexplained(signal="flow", sd=sd, since=k - 9.0, until=float(k if until is None else until))
+    )
+    return Diagnosis(time=float(k), candidates=(leads,), unexplained=off)
+
+
+def missed_by(*told: Diagnosis, curves: bool = True) -> Unexplained | None:
+    """What the last of these did not explain for a while."""
+    trace = Trace(SPEC, curves=curves)
+    trace.add(sample(0), reports(0, 1, detection=Detection(time=0.0, sample=0, change_time=0.0, signals=("flow",))))
+    for item in told:
+        trace.conclude(item)
+    trace.add(sample(1), reports(1, 2))
+    return trace.history().missed
+
+
+@pytest.mark.parametrize("curves", [False, True])
+def test_what_did_not_fit_for_a_while_is_kept(*, curves: bool) -> None:
+    """From when to when, and the most of it, of what leads at the end; whether or not curves are kept."""
+    sizes = [1.0, 3.0, 2.0, *[1.0] * (LASTING - 3)]
+    while_ = [said(10 + k, "K1", sd) for k, sd in enumerate(sizes)]
+    before, after = said(5, "K1", None), said(50, "K1", None)
+    found = Unexplained(signal="flow", sd=3.0, since=1.0, until=9.0 + LASTING)
+    assert missed_by(before, *while_, after, curves=curves) == found
+    assert missed_by(before, *while_[1:], after, curves=curves) is None  # a moment
+    assert missed_by(*while_, after, curves=curves) is None  # it never fitted before
+    assert missed_by(before, *while_, said(50, "K2", None), curves=curves) is None  # something else leads
+    stale = [said(10 + k, "K1", 1.0, until=9) for k in range(2 * LASTING)]
+    assert missed_by(before, *stale, after, curves=curves) is None  # it is told of what was
+
+
+def test_a_new_alarm_begins_anew() -> None:
+    """What did not fit before belongs to a fault that is known by now."""
+    trace = Trace(SPEC)
+    trace.add(sample(0), reports(0, 1, diagnosis=said(0, "K1", None)))
+    for k in range(1, 2 * LASTING):
+        trace.conclude(said(k, "K1", 1.0))
+    trace.conclude(said(50, "K1", None))
+    assert trace.history().missed is not None
+    trace.add(
+        sample(51), reports(51, 52, detection=Detection(time=51.0, sample=51, change_time=51.0, signals=("flow",)))
+    )
+    trace.conclude(said(52, "K1", None))
+    assert trace.history().missed is None
