@@ -1002,6 +1002,10 @@ def test_a_model_that_hardly_watches_a_part_says_so(
         smallest_after=(faults[1],),
     )
     assert found.deaf == deaf
+    claimed = None if now is None else max(now, 2.0 * moves) * nominal
+    assert found.smallest_claimed == {"R": claimed}
+    shown = {name: text for part in quiet_parts(graph, found) for name, _, text, *_ in part.rows if name == "R"}
+    assert ("not found" if claimed is None else f"({100 * max(now or 0.0, 2.0 * moves):g} %)") in shown["R"]
     told = [text for part in quiet_parts(graph, found) for label, text in part.lines if label == "deaf to"]
     assert len(told) == len(deaf)
     assert ("deaf to faults of R" in quiet_verdict(found)) == bool(deaf)

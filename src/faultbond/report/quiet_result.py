@@ -45,9 +45,7 @@ MOST_LEFT = 3  # places that are named as worth a look
 TOLD = 3.0  # nats; what gains less is no place to look at
 SMALLER = 0.9  # times what is declared; a slow error that may be less small than that stays as it is
 DEAF = 0.5  # of a value; a part that has to change by more is hardly watched
-MOVING = (
-    0.25  # of a value: of one that seems to move so far (sd) while healthy, half of it is no fault, see `core/within.h`
-)
+CLAIMED = 2.0  # times as far as a parameter seems to move (sd) while healthy: less is no fault, see `core/within.h`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,15 +99,21 @@ class Quieted:
     def deaf(self) -> tuple[str, ...]:
         """Parameters of which no change by less than half is found any more, or claimed, as it was before."""
         before = {item.parameter: item.value for item in self.smallest_before}
-        now = {item.parameter: item.value for item in self.smallest_after}
         half = {name: DEAF * abs(value) for name, value in self.fitted.values.items()}
-        moves = self.fitted.moves
         return tuple(
             name
-            for name, value in now.items()
-            if _is_below(before.get(name), half.get(name, 0.0))
-            and (not _is_below(value, half[name]) or moves.get(name, 0.0) >= MOVING / DEAF * half[name])
+            for name, value in self.smallest_claimed.items()
+            if _is_below(before.get(name), half.get(name, 0.0)) and not _is_below(value, half[name])
         )
+
+    @property
+    def smallest_claimed(self) -> dict[str, float | None]:
+        """The smallest fault of each suspect that is found now, and claimed: more than it seems to do while healthy."""
+        moves = self.fitted.moves
+        return {
+            item.parameter: None if item.value is None else max(item.value, CLAIMED * moves.get(item.parameter, 0.0))
+            for item in self.smallest_after
+        }
 
 
 def _is_below(value: float | None, most: float) -> bool:
@@ -341,7 +345,7 @@ def quiet_record(found: Quieted) -> Record:
         "strayed": stray_records(found.fitted.strays),
         "smallest_before": {item.parameter: item.value for item in found.smallest_before},
         "deaf": list(found.deaf),
-        "smallest": {item.parameter: item.value for item in found.smallest_after},
+        "smallest": found.smallest_claimed,
         "left": [{"kind": item.kind.value, "of": item.place, "gain": gain} for item, gain in found.left],
     }
 
@@ -515,13 +519,12 @@ def _cost_rows(found: Quieted) -> Iterator[tuple[str, ...]]:
     nominals = {item.name: abs(item.nominal) for item in graph.parameters}
     for item in found.smallest_after:
         unit, nominal = unit_of(graph, item.parameter), nominals.get(item.parameter)
-        claimed = found.fitted.moves.get(item.parameter, 0.0) * DEAF / MOVING
-        texts = []
-        for one, least in ((before.get(item.parameter), 0.0), (item, claimed)):
-            if one is None or one.value is None:
-                texts.append("not found" if one is None else one.reason or "not found")
+        first, texts = before.get(item.parameter), []
+        sizes = (None if first is None else first.value), found.smallest_claimed[item.parameter]
+        for one, size in zip((first, item), sizes, strict=True):
+            if size is None:
+                texts.append((one and one.reason) or "not found")
                 continue
-            size = max(one.value, least)
             part = f" ({short(100 * size / nominal)} %)" if nominal else ""
             texts.append(figure(unit.difference_from_si(size), digits=3).number() + part)
         yield item.parameter, *texts, unit_text(unit.text)

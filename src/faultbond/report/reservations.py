@@ -209,8 +209,8 @@ def _missed_sentence(found: Unexplained | None, diagnosis: Diagnosis) -> str:
     size, since, until = figure(found.sd, digits=2).number(), clock_text(found.since), clock_text(found.until)
     return (
         f"Between {since} and {until} {found.signal} was off all the same, by up to {size} standard deviations: "
-        "something else may have changed then. `faultbond accept` takes this fault as known, and what comes besides "
-        "is found by itself."
+        f"something else may have changed then. To see what, run with `--state` up to {since}, accept this fault "
+        "(`faultbond accept`), and go on from there."
     )
 
 

@@ -235,7 +235,8 @@ def test_what_did_not_fit_for_a_while_is_told_beside_what_is_claimed(history: Hi
     assert told(None) == ""
     assert told() == (
         "Between 700 s and 840 s pressure was off all the same, by up to 2 standard deviations: something else may "
-        "have changed then. `faultbond accept` takes this fault as known, and what comes besides is found by itself."
+        "have changed then. To see what, run with `--state` up to 700 s, accept this fault (`faultbond accept`), and "
+        "go on from there."
     )
     assert (
         "off all the same" in view_of(GRAPH, replace(last, missed=missed), RunCounts(samples=9), Notation.FILE).verdict
