@@ -80,7 +80,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x70b95858a7308798ULL, 0x0c58cbcd6b3f594aULL, 0x70fd477ef6ee4919ULL, 0x62e85b6f13f14499ULL};
+static const uint64_t MODEL_HASH[] = {0x515ee96d1706a5fbULL, 0xe9d2b9c5c696aa09ULL, 0x644af5f76db90d85ULL, 0xad706a593f6fe3d7ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -138,6 +138,7 @@ static const double JUMP_EXPONENT[] = {(-1.0)};
 static const double SLOW_SD[] = {0.0};
 static const double SLOW_LIMIT[] = {0.0};
 static const double SLOW_WATCHED[] = {0.0};
+static const int SLOW_OF_OUTPUT[] = {-1};
 static const int AFTER_ROW[] = {0};
 static const int AFTER_INPUT[] = {0};
 static const double AFTER_EACH[] = {0.0};

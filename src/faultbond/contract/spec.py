@@ -43,6 +43,7 @@ class SlowErrorSpec:
     limit: float  # in its declared sizes, beyond which it alarms; infinite: it never does
     wanders: bool = False  # it is of a parameter
     after: tuple[tuple[int, float], ...] = ()  # (input, sd per SI of change)
+    output: int = -1  # sensor to whose reading it adds; -1: none
 
     @property
     def alarms(self) -> bool:

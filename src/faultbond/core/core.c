@@ -8,7 +8,7 @@
      3. start.h      the first samples tell where the plant begins, outliers.h without those that are wild
      4. advance.h    the healthy filter: filters.h (filter.h, triangle.h), which steps in time by integrate.h
      5. detector.h   sums of what it did not expect, walking.h how far it had to move its parameters, and the alarm
-     6. trail.h      the samples before the alarm, and the places where the fault may have begun
+     6. trail.h      the samples before the alarm, and the places where the fault may have begun; all_along.h: if that was before them
      7. bank.h       a filter for every hypothesis from there, begun little by little (work.h, onsets.h): steps.h and growing.h
                      for steps of parameters, slots.h and ramps.h for all other kinds of fault, couples.h for two kinds at once
      8. ranking.h    how likely each hypothesis is, and what is wrong by how much; moving.h: which values still move;

@@ -437,12 +437,13 @@ static int is_neutral(const Bank *bank, const Job *job, int64_t lane)
 static int is_again(const Bank *bank, const Job *job, int64_t lane) { return bank->base[lane] == job->bases[lane]; }
 
 /* Let the parameter of a lane be a suspect in a plain lane; healthy: that to which starts are relative. */
-static void suspect_too(const Bank *bank, const Job *job, int64_t lane, const double *healthy, double *plain, double *to)
+static void suspect_too(const Bank *bank, const Job *job, int64_t lane, int all_along, const double *healthy, double *plain, double *to)
 {
     Start start;
     start.n = 1;
     start.parameter[0] = parameter_of(bank, lane);
     start.tied = is_again(bank, job, lane);
+    start.all_along = all_along;
     start_about(start.parameter[0], job->values[lane], is_neutral(bank, job, lane) ? FROM_HEALTHY : AS_FOUND, healthy,
                 &start.value[0], &start.sd[0]);
     for (int i = 0; i < N_STATES; i++) {
@@ -461,21 +462,24 @@ static void fill_couples(const Bank *bank, const Trail *trail, int64_t onset, co
     double elapsed = 0.0, *old = steps->later, *plain = steps->lane; /* elapsed: to the end of the trail */
     for (int64_t place = onset; place < trail->n; place++) elapsed += sample_at(trail, place)[SAMPLE_DT];
     prepare_slots(trail, healthy, onset, NULL, memory);
+    start->all_along = trail->all_along;
     if (trail->old) doubted(start->healthy, trail->old, old);
     else memcpy(old, start->healthy, sizeof start->healthy);
     for (int l = 0; l < GROUP; l++) {
         const int64_t lane = job->lane[l], base = job->bases[lane];
         const int64_t beside = beside_of(bank, lane, base);
         double *from = SLOT_OLD[base] ? old : start->healthy;
-        if (beside < 0) suspect_too(bank, job, lane, start->healthy, from, plain);
+        if (beside < 0) suspect_too(bank, job, lane, (int)start->all_along, start->healthy, from, plain);
         else memcpy(plain, from, sizeof start->healthy);
         widen(plain, SLOT_OLD[base] ? start->old : start->wide);
         const int from_found = is_of_found(base) && is_again(bank, job, lane);
         begin_slot(from_found && SLOT_KIND[base] == KIND_BIAS ? widest_slot(base) : base, trail, job->peak, start, job->run, l);
         if (beside >= 0) begin_beside(beside, job->peak, job->run, l);
-        if (!from_found) continue;
-        job->run[AT_SLOT][l] = job->found[l][0] - job->found[l][1] * elapsed;
-        if (beside < 0) job->run[AT_SLOT + 1][l] = job->found[l][1];
+        if (from_found) {
+            job->run[AT_SLOT][l] = job->found[l][0] - job->found[l][1] * elapsed;
+            if (beside < 0) job->run[AT_SLOT + 1][l] = job->found[l][1];
+        }
+        if (start->all_along) go_along(base, trail, onset, job->run, l);
     }
 }
 

@@ -163,6 +163,19 @@ static void renew_instrument(State *state, int64_t slot)
     }
 }
 
+/* A plain lane with the states of `healthy`, which it may be, and the parameters of `old`, uncorrelated. */
+static void unlearned(const double *healthy, const double *old, double *lane)
+{
+    if (lane != healthy) memcpy(lane, healthy, PLAIN_NUMBERS * sizeof *lane);
+    for (int k = 0; k < N_PARAMETERS; k++) {
+        const int i = AT_PARAMETERS + k;
+        lane[i] = old[i];
+        for (int j = 0; j < AT_PARAMETERS; j++) lane[PLAIN_PLACE(j, i)] = 0.0;
+        for (int j = i; j < AT_SLOT; j++) lane[PLAIN_PLACE(i, j)] = old[PLAIN_PLACE(i, j)];
+        for (int j = AT_SLOT; j < PLAIN_JOINT; j++) lane[PLAIN_PLACE(i, j)] = 0.0;
+    }
+}
+
 /* Parameters are again as they were known before the fault, and slow errors begin anew. What they have learned since holds with
    the fault only, and after the repair, until somebody told of it, they made up for a fault that was gone. One that moves by
    itself goes on from where it is. */

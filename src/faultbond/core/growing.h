@@ -199,7 +199,7 @@ static void start_of_choice(int64_t set, const double *factors, int64_t part, co
 {
     const int64_t first = RESERVE_ROW[set];
     start->n = RESERVE_ROW[set + 1] - first;
-    start->tied = 0;
+    start->tied = start->all_along = 0;
     for (int64_t s = 0; s < start->n; s++) {
         const int index = RESERVE_MEMBER[first + s];
         start->parameter[s] = index;

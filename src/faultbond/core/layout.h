@@ -20,6 +20,9 @@
 #define PLAIN_NUMBERS (PLAIN_LIKELIHOOD + 1)
 #define PLAIN_PLACE(i, j) (PLAIN_COVARIANCE + IN_TRIANGLE(PLAIN_JOINT, i, j)) /* in a lane, of i <= j */
 
+/* The same in either order. */
+static inline int64_t plain_place(int64_t i, int64_t j) { return i <= j ? PLAIN_PLACE(i, j) : PLAIN_PLACE(j, i); }
+
 /* What is kept for long of a healthy lane: all of it, the usual squares of walks over its window, the last of which is that of
    all parameters together, and its time. */
 #define KEPT_USUAL PLAIN_NUMBERS

@@ -10,6 +10,7 @@
 #ifndef FB_SLOTS_H
 #define FB_SLOTS_H
 
+#include "all_along.h"
 #include "onsets.h"
 
 #define SWITCHING (1.0 / 300.0) /* probability per sample that a fault that comes and goes does so */
@@ -23,7 +24,7 @@ typedef struct {
     double healthy[PLAIN_NUMBERS];
     double wide[WIDE_NUMBERS], old[WIDE_NUMBERS]; /* with an empty slot; with what was learned since long ago in doubt */
     double step;                                  /* usual s from sample to sample */
-    int64_t n_seen;
+    int64_t n_seen, all_along;                    /* 1: faults have been there since before the samples that are kept */
 } SlotStart;
 
 /* Lanes of one fault that are begun again as one: the likeliest, the least likely, and that whose start it has. */
@@ -79,19 +80,6 @@ static void narrow(const double *wide, double weight, int parameter, double *pla
 }
 
 FB_SELDOM
-
-/* A plain lane with the states of `healthy`, which it may be, and the parameters of `old`, uncorrelated. */
-static void unlearned(const double *healthy, const double *old, double *lane)
-{
-    if (lane != healthy) memcpy(lane, healthy, PLAIN_NUMBERS * sizeof *lane);
-    for (int k = 0; k < N_PARAMETERS; k++) {
-        const int i = AT_PARAMETERS + k;
-        lane[i] = old[i];
-        for (int j = 0; j < AT_PARAMETERS; j++) lane[PLAIN_PLACE(j, i)] = 0.0;
-        for (int j = i; j < AT_SLOT; j++) lane[PLAIN_PLACE(i, j)] = old[PLAIN_PLACE(i, j)];
-        for (int j = AT_SLOT; j < PLAIN_JOINT; j++) lane[PLAIN_PLACE(i, j)] = 0.0;
-    }
-}
 
 /* A plain lane of `healthy`, whose parameters may have learned wrongly since `old`: they are as they were then, and all that they
    have moved by since may as well be true. Only along that way are they less known, and none by itself: what was read up to now
@@ -169,6 +157,7 @@ static void prepare_slots(const Trail *trail, const double *healthy, int64_t n_s
     }
     start->step = usual_step(trail, n_seen);
     start->n_seen = n_seen;
+    start->all_along = old && trail->all_along;
 }
 
 /* Begin lane k of the plan in a block; its likelihood is that of the healthy lane. peak: [N_INPUTS], the largest size
@@ -193,6 +182,36 @@ static void begin_slot(int64_t k, const Trail *trail, const double *peak, const 
     block[WIDE_PLACE(AT_SLOT, AT_SLOT)][l] = sd * sd;
     block[AT_SLOT + 1][l] = SLOT_RATE[k] * unit / per;
     block[WIDE_PLACE(AT_SLOT + 1, AT_SLOT + 1)][l] = rate_sd * rate_sd;
+}
+
+/* What lane k of the plan, whose fault has been there all along, does like a parameter, or in the place of a slow error: by how much
+   that would be off for each of its size; `place`: where that stands in a plain lane, -1: nowhere. */
+static double acts_like(int64_t k, const Trail *trail, int64_t n_seen, int64_t *place)
+{
+    const int output = SLOT_OUTPUT[k];
+    *place = -1;
+    if (SLOT_STICKS[k] || SLOT_KIND[k] == KIND_NOISE || SLOT_SETTLING[k] > 0.0) return 0.0;
+    if (SLOT_PARAMETER[k] >= 0) *place = AT_PARAMETERS + SLOT_PARAMETER[k];
+    else if (output >= 0 && SLOW_OF_OUTPUT[output] >= 0) *place = AT_SLOW + SLOW_OF_OUTPUT[output];
+    if (output < 0 || !SLOT_SCALES[k]) return SLOT_ACTS[k] * (output < 0 ? 1.0 : adds_to_reading(k, output));
+    return SLOT_ACTS[k] * (last_reading(trail, n_seen, output) - OUTPUT_ZERO[output]);
+}
+
+/* Let the states of a wide lane go with its slot, as the fault of lane k of the plan has been there all along. */
+static void go_along(int64_t k, const Trail *trail, int64_t n_seen, double (*block)[GROUP], int l)
+{
+    int64_t place;
+    const double each = acts_like(k, trail, n_seen, &place), variance = block[WIDE_PLACE(AT_SLOT, AT_SLOT)][l];
+    double by[FB_ROOM(WIDE_JOINT)];
+    if (place < 0 || !(block[WIDE_PLACE(place, place)][l] > 0.0)) return;
+    const double less = each / block[WIDE_PLACE(place, place)][l];
+    for (int64_t i = 0; i < WIDE_JOINT; i++)
+        by[i] = i < AT_SLOW || i > AT_SLOT + 1 ? less * block[i < place ? WIDE_PLACE(i, place) : WIDE_PLACE(place, i)][l] : 0.0;
+    for (int64_t i = 0; i < WIDE_JOINT; i++) {
+        block[i][l] += by[i] * block[AT_SLOT][l];
+        for (int64_t j = i; j < WIDE_JOINT; j++) block[WIDE_PLACE(i, j)][l] += by[i] * by[j] * variance;
+        block[i < AT_SLOT ? WIDE_PLACE(i, AT_SLOT) : WIDE_PLACE(AT_SLOT, i)][l] += by[i] * variance;
+    }
 }
 
 /* Let lane k of the plan, a bias, be that of one more instrument in a lane whose own slot does not move. */
@@ -345,6 +364,7 @@ static void begin_slots(const int64_t *lane, double (*found)[FOUND], const Trail
             group[AT_SLOT][l] = found[l][0] - found[l][1] * elapsed;
             group[AT_SLOT + 1][l] = found[l][1];
         }
+        if (memory->start.all_along) go_along(lane[l], trail, onset, group, l);
     }
 }
 

@@ -9,6 +9,7 @@
 #ifndef FB_STEPS_H
 #define FB_STEPS_H
 
+#include "all_along.h"
 #include "onsets.h"
 
 #define ASTRAY 10.0       /* nats by which a lane that begins from closer may be less likely, as chance has it */
@@ -28,6 +29,7 @@ typedef struct {
     double sd[FB_ROOM(LARGEST_SET)];     /* how far they may be off, alike */
     int jumps[FB_ROOM(N_STATES)];        /* 1: the content goes on at the change, else the effort (C) or flow (I) */
     int tied;                            /* 1: a jump is bound to the factor of its suspect, which is nearly known */
+    int all_along;                       /* 1: the suspects have been off since before the samples that are kept */
 } Start;
 
 /* Memory of a call. */
@@ -39,9 +41,6 @@ typedef struct {
     int64_t best[FB_ROOM(N_SETS)];     /* likeliest lane of each hypothesis */
     int64_t known[FB_ROOM(N_PLANNED)]; /* lanes of a hypothesis that found different things, the likeliest first */
 } StepMemory;
-
-/* Place of a covariance in a plain lane, in either order. */
-static inline int64_t plain_place(int64_t i, int64_t j) { return i <= j ? PLAIN_PLACE(i, j) : PLAIN_PLACE(j, i); }
 
 FB_SELDOM
 
@@ -65,6 +64,13 @@ static int moves_store(const Start *start, int64_t e, const double *healthy)
     return 0;
 }
 
+static int any_jump(const Start *start)
+{
+    for (int64_t i = 0; i < N_STATES; i++)
+        if (start->jumps[i]) return 1;
+    return 0;
+}
+
 /* Let the effort or flow of a store jump with its suspect, entry e of JUMP, where its content goes on.
 
    The state x becomes x * factor**exponent, and as uncertain as the factor makes it. From a wide start it is left
@@ -85,6 +91,7 @@ static void let_jump(int state, int64_t e, int tied, const double *healthy, doub
 /* The lane of a start: the suspects wide about it, the rest as in `healthy`. */
 static void suspect_lane(const Start *start, const double *healthy, double *lane)
 {
+    const int all_along = start->all_along && !any_jump(start);
     memcpy(lane, healthy, PLAIN_NUMBERS * sizeof *lane);
     for (int state = 0; state < N_STATES; state++)
         for (int64_t e = JUMP_ROW[state]; start->jumps[state] && e < JUMP_ROW[state + 1]; e++)
@@ -96,9 +103,7 @@ static void suspect_lane(const Start *start, const double *healthy, double *lane
         const int index = start->parameter[s], k = AT_PARAMETERS + index, additive = HEALTHY[index] == 0.0;
         const double sd = start->sd[s] * (additive ? 1.0 : fabs(healthy[k]));
         const double mean = additive ? healthy[k] + start->value[s] : healthy[k] * start->value[s];
-        for (int64_t j = 0; j < PLAIN_JOINT; j++) lane[plain_place(k, j)] = 0.0;
-        lane[plain_place(k, k)] = sd * sd;
-        lane[k] = bounded(mean, LOWER[index], UPPER[index]);
+        replace_number(k, bounded(mean, LOWER[index], UPPER[index]), sd * sd, all_along, lane);
     }
     for (int state = 0; state < N_STATES; state++)
         for (int64_t e = JUMP_ROW[state]; start->jumps[state] && e < JUMP_ROW[state + 1]; e++)
@@ -183,7 +188,7 @@ FB_SELDOM
 static void planned_start(int64_t lane, Start *start)
 {
     const int64_t members = SET_ROW[LANE_HYPOTHESIS[lane]];
-    start->n = start->tied = 0;
+    start->n = start->tied = start->all_along = 0;
     for (int64_t e = LANE_START[lane]; e < LANE_START[lane + 1]; e++) {
         const int64_t of = START_OF[e];
         if (!(START_SPREAD[of] > 0.0)) continue;
@@ -218,13 +223,6 @@ static void move_to_found(Start *start, const double *found, const double *healt
         start->sd[s] = bounded(FOUND_SPREAD * fabs(start->value[s]), least, most);
     }
     start->tied = 1;
-}
-
-static int any_jump(const Start *start)
-{
-    for (int64_t i = 0; i < N_STATES; i++)
-        if (start->jumps[i]) return 1;
-    return 0;
 }
 
 /* Lanes that fill up the last block of steps repeat its first. */

@@ -15,6 +15,7 @@ typedef struct {
     int64_t alarm;         /* place of the alarm */
     int64_t first;         /* earliest place that may be an onset; 0: any */
     const double *old;     /* the healthy lane as it stood long ago, before a slow drift taught it wrongly; NULL: not kept */
+    int all_along;         /* 1: what the alarm tells of has been there since then, see all_along.h */
     const Beginning *beginning; /* where the oldest sample is the first of all; else NULL */
     int n_bursts;
     int64_t bursts[MOST_BURSTS]; /* places at which innovations became wild */
@@ -83,6 +84,7 @@ static void find_first(const Clock *clock, const Alarm *alarm, const Beginning *
 {
     const int64_t warm = clock->begun + WARM_UP_SAMPLES - trail->oldest;
     trail->first = warm > 1 && !alarm->slow && trail->alarm >= warm + WARM_UP_SAMPLES ? warm : 1;
+    trail->all_along = alarm->old >= 0 && trail->old;
     trail->beginning = beginning->sample == trail->oldest ? beginning : NULL;
 }
 

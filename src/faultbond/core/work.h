@@ -94,29 +94,12 @@ static void clear_job(Job *job)
     job->ended = job->settled = job->onset = job->old = -1;
 }
 
-/* After a fault that began long before the trail, the healthy filter has learned from it: the lanes of the trail, from which
-   those of the bank begin, get the parameters of before, as uncertain as their usual walks have made them since; slow errors, which
-   hold what these parameters do not explain, begin anew. */
-static void unlearn(State *state, const Trail *trail)
-{
-    if (state->alarm.old < 0 || !trail->old) return;
-    const double *usual = trail->old + KEPT_USUAL;
-    for (int64_t number = trail->oldest; number < trail->oldest + trail->n; number++) {
-        double *lane = row_of(&state->past, number)->lane;
-        unlearned(lane, trail->old, lane);
-        forget_slow_errors(lane);
-        for (int i = 0; i < N_PARAMETERS; i++)
-            for (int j = i; j < N_PARAMETERS; j++)
-                lane[PLAIN_PLACE(AT_PARAMETERS + i, AT_PARAMETERS + j)] *= sqrt(fmax(usual[i], 1.0) * fmax(usual[j], 1.0));
-    }
-}
-
 /* Let all lanes of the plan begin. */
 static void begin_all(State *state, const Trail *trail, int64_t change)
 {
     Job *job = &state->job;
     Bank *bank = &state->bank;
-    unlearn(state, trail);
+    restate_all(trail, &state->past);
     clear_job(job);
     begin_job(state, BEGINNING, trail, change);
     job->n_singles = N_SINGLE_LANES;
@@ -144,7 +127,7 @@ static void begin_again(State *state, Trail *trail, BankMemory *memory)
 {
     Job *job = &state->job;
     shorten(&state->bank, trail);
-    unlearn(state, trail);
+    restate_all(trail, &state->past);
     job->renewals++;
     begin_job(state, job->renewals == N_RENEWALS ? RENEWING_ALL : RENEWING, trail, trail->alarm);
     if (job->kind == RENEWING_ALL) want_leading(&state->bank, job->stands_for, memory->steps.known);
@@ -221,6 +204,7 @@ static void planned_or_chosen(const State *state, const Trail *trail, int64_t l,
     const int64_t lane = job->lane[l], row = (lane - N_PLANNED) / PER_SET;
     if (lane < N_PLANNED) planned_start(lane, start);
     else start_of_choice(state->bank.grown[row], job->factors[row], (lane - N_PLANNED) % PER_SET, healthy_at(trail, 0), start);
+    start->all_along = trail->all_along;
 }
 
 /* The starts of the group. Of those that begin from closer, others repeat the first whose stores jump. */

@@ -104,6 +104,8 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
     yield numbers("SLOW_SD", (item.sd for item in spec.slow_errors))
     yield numbers("SLOW_LIMIT", spec.slow_limits)
     yield numbers("SLOW_WATCHED", spec.slow_watched)
+    largest = {item.output: k for k, item in sorted(enumerate(spec.slow_errors), key=lambda item: item[1].sd)}
+    yield integers("SLOW_OF_OUTPUT", (largest.get(j, -1) for j in range(len(spec.outputs))))
     yield from ragged_table("AFTER", [[k for k, _ in item.after] for item in spec.slow_errors], "INPUT")
     yield numbers("AFTER_EACH", (each for item in spec.slow_errors for _, each in item.after))
     yield numbers("LOOP_GUESS", spec.loops)

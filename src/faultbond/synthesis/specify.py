@@ -47,6 +47,7 @@ def build_spec(model: StepModel) -> EngineSpec:
     states = tuple(_state(model, k, float(drifts[k])) for k in range(len(model.states)))
     begun, reserve = _in_turn(choice.sets)
     positions = {item.name: k for k, item in enumerate(graph.inputs)}
+    sensors = {item.name: j for j, item in enumerate(graph.sensors)}
     limits = _slow_limits(graph)
     slow = tuple(
         SlowErrorSpec(
@@ -56,6 +57,7 @@ def build_spec(model: StepModel) -> EngineSpec:
             limit=limit,
             wanders=error.wanders,
             after=tuple((positions[name], each) for name, each in error.by_input.items()),
+            output=-1 if error.relative or error.wanders else sensors.get(error.target, -1),
         )
         for error, limit in zip(graph.slow_errors, limits, strict=True)
     )

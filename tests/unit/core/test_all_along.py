@@ -1,0 +1,209 @@
+"""What was off before the samples that are kept: states that go with what the healthy filter has learned."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from bare_core import CELL, Bare, bare
+from faultbond.arrays import FloatArray, IntArray
+from faultbond.contract.spec import EngineSpec, pack, unpack
+from faultbond.synthesis.compile import find_compiler
+from faultbond.types import FaultKind
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+NOISY = CELL.replace("V: {unit: V, settling: 3 s}", "V: {unit: V, noise: 10 mV}")
+NOISY = NOISY.replace("slow_error: {", "slow_error: {v: 20 mV over 60 s, ")
+CALLS = """
+static double group[WIDE_NUMBERS][GROUP];
+static SlotMemory slots;
+static Trail trail;
+void t_restate(State *state, const double *old, double *lane)
+{
+    (void)state;
+    restate(old, lane);
+}
+/* how: number, mean, variance, and whether it has been so all along */
+void t_replace(State *state, const double *how, double *lane)
+{
+    (void)state;
+    replace_number((int64_t)how[0], how[1], how[2], how[3] != 0.0, lane);
+}
+/* A lane of the plan begun from a healthy one, and as it goes along; one sample was seen, which has readings. */
+void t_slot(State *state, const double *k, const double *plain, const double *readings, double *before, double *after)
+{
+    const double peak[FB_ROOM(N_INPUTS)] = {0.0};
+    trail.past = &state->past;
+    trail.n = 1;
+    for (int j = 0; j < N_OUTPUTS; j++) {
+        row_of(&state->past, 0)->sample[SAMPLE_Y + j] = readings[j];
+        row_of(&state->past, 0)->sample[SAMPLE_USE + j] = 1.0;
+    }
+    prepare_slots(&trail, plain, 1, NULL, &slots);
+    begin_slot((int64_t)*k, &trail, peak, &slots.start, group, 3);
+    group[AT_SLOT][3] += 0.7; /* as found */
+    for (int64_t i = 0; i < WIDE_NUMBERS; i++) before[i] = group[i][3];
+    go_along((int64_t)*k, &trail, 1, group, 3);
+    for (int64_t i = 0; i < WIDE_NUMBERS; i++) after[i] = group[i][3];
+}
+void t_plan(State *state, const double *k, double *found)
+{
+    const int64_t lane = (int64_t)*k;
+    (void)state;
+    found[0] = SLOT_PARAMETER[lane];
+    found[1] = SLOT_OUTPUT[lane];
+    found[2] = SLOT_KIND[lane];
+    found[3] = SLOT_SCALES[lane];
+    found[4] = N_SLOT_LANES;
+    found[5] = SLOT_ACTS[lane];
+    found[6] = SLOT_STICKS[lane];
+    found[7] = SLOT_SETTLING[lane];
+}
+"""
+
+
+@cache
+def core() -> Bare:
+    """The core of a plant with a noisy input and slow errors of a signal and of a sensor."""
+    return bare(CALLS, NOISY)
+
+
+def drawn(spec: EngineSpec, seed: int, root: FloatArray | None = None) -> FloatArray:
+    """A healthy lane, (n_numbers,), in which everything is correlated; root: of its covariance."""
+    generator, lane = np.random.default_rng(seed), np.zeros(spec.n_numbers)
+    lane[: spec.n_joint] = generator.uniform(0.5, 2.0, spec.n_joint)
+    root = 0.1 * generator.normal(size=(spec.n_joint, spec.n_joint)) if root is None else root
+    lane[spec.covariance_slice] = pack(root @ root.T)
+    lane[-1] = -12.5
+    return lane
+
+
+def parts(spec: EngineSpec) -> tuple[IntArray, IntArray]:
+    """Places of what is learned, and of all else."""
+    learned = np.arange(spec.slow_slice.start, spec.parameter_slice.stop)
+    return learned, np.setdiff1d(np.arange(spec.n_joint), learned)
+
+
+def old_lane(spec: EngineSpec, usual: FloatArray) -> FloatArray:
+    """What is kept for long: a lane, the usual squares of walks, and the time."""
+    return np.concatenate([drawn(spec, 8), usual, [0.0, 0.0]])
+
+
+def restated(spec: EngineSpec, lane: FloatArray, old: FloatArray, usual: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A lane's joint law given what is learned, mixed over what that was before; dense: z and its covariance."""
+    learned, others = parts(spec)
+    full, theta, n_slow = unpack(spec, lane[spec.covariance_slice]), spec.parameter_slice, len(spec.slow_errors)
+    mean, prior = np.zeros(len(learned)), np.zeros((len(learned), len(learned)))
+    mean[n_slow:] = old[theta]
+    prior[:n_slow, :n_slow] = np.diag([item.sd**2 for item in spec.slow_errors])
+    wider = np.sqrt(np.maximum(usual, 1.0))
+    before = unpack(spec, old[: spec.n_numbers][spec.covariance_slice])[theta, theta]
+    prior[n_slow:, n_slow:] = before * np.outer(wider, wider)
+    by = full[np.ix_(others, learned)] @ np.linalg.pinv(full[np.ix_(learned, learned)])
+    left = full[np.ix_(others, others)] - by @ full[np.ix_(learned, others)]
+    expected, z = np.zeros_like(full), lane[: spec.n_joint].copy()
+    away = by @ (mean - lane[learned])  # what is off may be none of what is learned
+    expected[np.ix_(others, others)] = left + by @ prior @ by.T + np.outer(away, away)
+    expected[np.ix_(others, learned)] = by @ prior
+    expected[np.ix_(learned, others)] = prior @ by.T
+    expected[np.ix_(learned, learned)] = prior
+    z[others] += away
+    z[learned] = mean
+    return z, expected
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("known", [False, True])
+def test_states_go_with_what_parameters_were(seed: int, known: bool) -> None:
+    """As a dense oracle has it, also where a parameter is known exactly; and the same where lanes begin again."""
+    spec = core().spec
+    root = 0.1 * np.random.default_rng(seed).normal(size=(spec.n_joint, spec.n_joint))
+    root[spec.parameter_slice.start + 1] *= not known
+    usual = np.linspace(0.5, 4.0, len(spec.parameters))
+    lane, old = drawn(spec, seed, root), old_lane(spec, usual)
+    assert len(spec.slow_errors) == 2
+    assert len(parts(spec)[1]) > len(spec.states)
+    z, expected = restated(spec, lane, old, usual)
+    core().call("t_restate", old, lane)
+    np.testing.assert_allclose(unpack(spec, lane[spec.covariance_slice]), expected, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(lane[: spec.n_joint], z, rtol=1e-8)
+    assert lane[-1] == -12.5
+    again = lane.copy()
+    core().call("t_restate", old, again)
+    np.testing.assert_allclose(again, lane, rtol=1e-7, atol=1e-9)
+
+
+def test_a_parameter_that_another_one_tells_moves_nothing_more() -> None:
+    """What is left of it once the other is given is rounding error, and is not divided by."""
+    spec = core().spec
+    root = 0.1 * np.random.default_rng(5).normal(size=(spec.n_joint, spec.n_joint))
+    root[spec.parameter_slice.start + 1] = root[spec.parameter_slice.start]
+    lane = drawn(spec, 1, root)
+    core().call("t_restate", old_lane(spec, np.ones(len(spec.parameters))), lane)
+    assert np.max(np.abs(lane[: spec.n_joint])) < 100.0
+    assert np.linalg.eigvalsh(unpack(spec, lane[spec.covariance_slice])).min() > -1e-12
+
+
+def test_suspects_that_were_off_all_along_move_the_states() -> None:
+    """States have the law that they have given the suspect, mixed over its start; at a change they stay."""
+    spec = core().spec
+    k = spec.parameter_slice.start + 1
+    learned, others = parts(spec)
+    for all_along in (True, False):
+        lane = drawn(spec, 3)
+        full, z = unpack(spec, lane[spec.covariance_slice]), lane[: spec.n_joint].copy()
+        core().call("t_replace", np.array([k, 2.5, 0.04, all_along], dtype=np.float64), lane)
+        by = full[others, k] / full[k, k] * all_along
+        expected = full.copy()
+        expected[:, k] = expected[k, :] = 0.0
+        expected[np.ix_(others, others)] += np.outer(by, by) * (0.04 - full[k, k])
+        expected[others, k] = expected[k, others] = by * 0.04
+        expected[k, k] = 0.04
+        z[others] += by * (2.5 - z[k])
+        z[k] = 2.5
+        np.testing.assert_allclose(unpack(spec, lane[spec.covariance_slice]), expected, atol=1e-12)
+        np.testing.assert_allclose(lane[: spec.n_joint], z, rtol=1e-12)
+        assert len(learned) == 4
+
+
+def plan(k: int) -> dict[str, int]:
+    """What a lane of the plan is of."""
+    found, names = np.zeros(8), ("parameter", "output", "kind", "scales", "n", "acts", "sticks", "settling")
+    core().call("t_plan", np.array([float(k)]), found)
+    return dict(zip(names, found.astype(int).tolist(), strict=True))
+
+
+def test_slots_go_along_with_what_they_are_like() -> None:
+    """The slot of a parameter moves states as that does, of a sensor as its slow error; no other does."""
+    spec = core().spec
+    names, slow = ([item.name for item in items] for items in (spec.outputs, spec.slow_errors))
+    kinds = list(FaultKind)
+    readings, seen = np.array([3.0, 2.0]), set()
+    at_slot, n_x, n_wide = spec.parameter_slice.stop, len(spec.states), spec.slotted.n_joint
+    for k in range(plan(0)["n"]):
+        own, plain = plan(k), drawn(spec, 4)
+        before, after = np.zeros(spec.slotted.n_numbers), np.zeros(spec.slotted.n_numbers)
+        core().call("t_slot", np.array([float(k)]), plain, readings, before, after)
+        size, variance = before[at_slot], unpack(spec.slotted, before[spec.slotted.covariance_slice])[at_slot, at_slot]
+        place, each, kind = None, 1.0, kinds[own["kind"]]
+        if own["parameter"] >= 0:
+            place = spec.parameter_slice.start + own["parameter"]
+        elif own["output"] == names.index("v") and kind is not FaultKind.NOISE:
+            place, scales = n_x + slow.index("v"), bool(own["scales"])
+            each = readings[own["output"]] if scales else spec.outputs[own["output"]].noise
+        if own["sticks"] or own["settling"] or not own["acts"]:
+            place = None
+        if place is None:
+            assert np.array_equal(before, after)
+            continue
+        seen.add(kind)
+        full = unpack(spec.slotted, before[spec.slotted.covariance_slice])
+        by = each * full[:, place] / full[place, place]
+        by[n_x : at_slot + 2] = 0.0
+        expected, z = full + variance * np.outer(by, by), before[:n_wide] + by * size
+        expected[at_slot] += by * variance
+        expected[:, at_slot] += by * variance
+        np.testing.assert_allclose(unpack(spec.slotted, after[spec.slotted.covariance_slice]), expected, atol=1e-10)
+        np.testing.assert_allclose(after[:n_wide], z, rtol=1e-10)
+        assert np.array_equal(after[spec.slotted.covariance_slice.stop :], before[spec.slotted.covariance_slice.stop :])
+    assert {FaultKind.BIAS, FaultKind.GAIN, FaultKind.DRIFT} <= seen
