@@ -111,6 +111,12 @@ static int64_t nearest_onset(const Search *search, int64_t place)
     return after > 0 && place - search->place[after - 1] < search->place[after] - place ? after - 1 : after;
 }
 
+/* Where the first sample of all is tried, let one be beside it, for the mean. */
+static void require_beside(Search *search)
+{
+    if (search->early && search->standing[0] == REQUIRED) search->standing[1] = REQUIRED;
+}
+
 /* Let a search begin near the places that were best before, of each lane, and not elsewhere; what lies between them is tried
    here and there. */
 static void begin_near(const int64_t *places, Search *search)
@@ -118,7 +124,7 @@ static void begin_near(const int64_t *places, Search *search)
     int64_t last = -1;
     for (int64_t k = 0; k < search->n; k++) search->standing[k] = SPARE;
     for (int l = 0; l < GROUP; l++) search->standing[nearest_onset(search, places[l])] = REQUIRED;
-    if (search->early && search->standing[0] == REQUIRED) search->standing[1] = REQUIRED; /* one beside it, for the mean */
+    require_beside(search);
     for (int64_t k = 0; k < search->n; k++) {
         if (search->standing[k] != REQUIRED) continue;
         if (last >= 0 && k - last > 2 * COARSE) search->standing[(last + k) / 2] = REQUIRED;
@@ -194,12 +200,12 @@ static int64_t next_later(const Search *search)
     return -1;
 }
 
-/* The onset that is tried next; -1 if those that were suffice. The first sample of all comes last: what a sensor says there is no
+/* The onset that is tried next; -1 if those that were suffice. The first sample of all comes last: what a lane says there is no
    measure of what its neighbours say elsewhere. */
 static int64_t next_onset(const Search *search)
 {
     const int64_t next = next_later(search);
-    return next < 0 && search->early && search->standing[0] != TRIED ? 0 : next;
+    return next < 0 && search->early && search->standing[0] == REQUIRED ? 0 : next;
 }
 
 /* Keep those lanes of a group that began at onset k which are likelier than the best of the onsets before. said: [GROUP],

@@ -178,6 +178,7 @@ static void keep_likely(Job *job)
         last = k;
     }
     search->standing[last] = REQUIRED;
+    require_beside(search);
     search->fixed = 1;
 }
 
@@ -185,9 +186,7 @@ static void keep_likely(Job *job)
 static void open_search(Job *job, const Trail *trail)
 {
     int64_t places[GROUP];
-    int early = 0;
-    for (int l = 0; l < GROUP && job->stage == SLOTS; l++)
-        early |= trail->beginning && is_misleading(job->lane[l]) && (job->kind == BEGINNING || job->begins[l] == job->oldest);
+    const int early = trail->beginning && job->stage <= SLOTS;
     begin_search(trail, job->change, early, &job->search);
     job->search.least = job->most - HOPELESS;
     for (int l = 0; l < GROUP; l++) places[l] = job->begins[l] - job->oldest;
@@ -310,14 +309,17 @@ static void begin_onset(State *state, const Trail *trail, int64_t k, BankMemory 
     } else if (job->stage == COUPLES) {
         begin_couples(&state->bank, trail, place, &state->normal, job, &memory->steps, &memory->slots, filters);
     } else if (job->stage == SLOTS && place == 0 && trail->beginning) {
-        begin_at_first(job->lane, trail, job->peak, &state->clock, &state->normal, job->run, &job->walk, &memory->slots, &memory->first,
-                       &filters->plain);
+        begin_slots_at_first(job->lane, trail, job->peak, &state->clock, &state->normal, job->run, &job->walk, &memory->slots, &memory->first,
+                             &filters->plain);
     } else if (job->stage == SLOTS) {
         begin_slots(job->lane, job->kind == BEGINNING ? NULL : job->found, trail, place, job->peak, job->run, &job->walk,
                     &memory->slots);
     } else {
         starts_of_group(state, trail, memory->steps.starts);
-        begin_steps(memory->steps.starts, trail, place, &state->normal, job->run, &memory->steps, &filters->plain);
+        if (place == 0 && trail->beginning)
+            begin_steps_at_first(memory->steps.starts, trail, &state->clock, &state->normal, job->run, &memory->steps, &memory->first,
+                                 &filters->plain);
+        else begin_steps(memory->steps.starts, trail, place, &state->normal, job->run, &memory->steps, &filters->plain);
     }
     job->onset = k;
     job->next = job->oldest + place;

@@ -25,7 +25,7 @@ from made import differing
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 NOT_SAVED, OTHER_FORMAT, OTHER_MODEL, DAMAGED = -1, -2, -3, -4
-IDLE, STEPS, SLOTS, RAMPS, PAIRS, CLOSER = 100, 84, 90, 91, 95, 113  # rows with no work, or work on such lanes, left
+IDLE, STEPS, SLOTS, RAMPS, PAIRS, CLOSER = 105, 84, 90, 95, 97, 113  # rows with no work, or work on such lanes, left
 LAST_KEPT = 460  # sample up to which the trail of CLOSER is kept, that begins at sample 1
 HEADER = 48  # bytes: mark, format, hash of the model
 KEPT, KEPT_ROW = Path(__file__).parents[2] / "golden" / "cell_state.gz", 100
@@ -282,14 +282,14 @@ def test_samples_out_of_order_are_refused(numbers: dict[str, int]) -> None:
         (STEPS, None, {"job.search.standing": 0}),
         (STEPS, 5, {"job.search.place": 1}),  # not in order
         (STEPS, 54, {"job.search.place": 83}),
-        (STEPS, None, {"job.onset": 55}),
+        (STEPS, None, {"job.onset": 56}),
         *((STEPS, None, {"job.next": value}) for value in (0, 83)),
-        *((PAIRS, None, {"job.next": value}) for value in (1, 96)),
+        *((PAIRS, None, {"job.next": value}) for value in (1, 98)),
         (STEPS, None, {"job.n_singles": 13}),
         (STEPS, None, {"job.n_wanted": 11}),
         (STEPS, None, {"job.n_wanted": 13}),
         (IDLE, 3, {"job.walk.samples": 5}),
-        *((SLOTS, 6, {"job.walk.steps": steps}) for steps in (6, 0)),  # more than its samples, or none for these
+        *((CLOSER, 2, {"job.walk.steps": steps}) for steps in (7, 0)),  # more than its samples, or none for these
     ],
 )
 def test_work_that_contradicts_itself_is_refused(row: int, which: int | None, numbers: dict[str, int]) -> None:

@@ -1,4 +1,4 @@
-"""Sensors that are wrong at the first sample of all: the start is solved from what they read."""
+"""What is wrong at the first sample of all: the start is solved from readings, by parameters as stated."""
 
 from functools import cache
 
@@ -9,9 +9,10 @@ from faultbond.contract.findings import Candidate
 from faultbond.model.text import parse_model
 from faultbond.runtime.core import Core
 from faultbond.runtime.monitor import Monitor
-from faultbond.simulate import Inputs, random_steps, simulate
+from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.compile import find_compiler
 from faultbond.synthesis.engine import build_engine
+from faultbond.types import FaultKind
 from made import run, samples_of
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
@@ -37,7 +38,26 @@ sensors:
   flow: {reads: compressor.f, unit: kg/s, noise: 0.002 kg/s}
 """
 )
-ROWS = 500
+# Slow errors learn much of what parameters have done before the alarm.
+COOLER = parse_model(
+    """
+name: cooler
+sample_time: 4 s
+inputs: {load: {unit: kW}, m: {unit: kg/s}}
+constants: {cp: 4.18 kJ/kg/K, T0: 20 degC, T_sea: 18 degC}
+components:
+  engine: {type: Sf, law: f = g*load, parameters: {g: {nominal: 0.5, accuracy: 2 %}}}
+  jacket: {type: C, law: q = Cj*(e - T0), parameters: {Cj: {nominal: 1700 kJ/K, accuracy: 4 %}}}
+  plates: {type: R, law: f = UA*e, parameters: {UA: {nominal: 8 kW/K, accuracy: 2 %}}}
+  side: {type: C, law: q = Cc*(e - T0), parameters: {Cc: {nominal: 640 kJ/K, accuracy: 10 %, suspect: no}}}
+  sea: {type: Sf, law: f = cp*m*k*(sw.e - T_sea), parameters: {k: {nominal: 1, accuracy: 2 %}}}
+junctions: {hot: 0, wall: 1, sw: 0}
+bonds: [engine -> hot -> jacket, hot -> wall -> plates, wall -> sw -> side, sw -> sea]
+sensors: {t_hot: {reads: hot.e, unit: degC, noise: 0.1 K}, t_sw: {reads: sw.e, unit: degC, noise: 0.06 K}}
+slow_error: {t_hot: 0.5 K over 2200 s, t_sw: 0.3 K over 2200 s}
+"""
+)
+ROWS, BEFORE = 500, 600  # of the cooler: rows before the first that is seen
 SENSORS = ("p_rec", "p_net", "flow")
 
 
@@ -61,6 +81,20 @@ def read(seed: int, sensor: str, bias: float) -> Monitor:
     return run(core(), samples_of(time, made.inputs, outputs))[0]
 
 
+@cache
+def cooled(seed: int, factor: float) -> Monitor:
+    """The cooler watched, whose plates have had so many times their conductance for long."""
+    generator = np.random.default_rng(seed)
+    time = np.linspace(0.0, 4.0 * (ROWS + BEFORE - 1), ROWS + BEFORE)
+    load = random_steps(time, generator, low=2.2e5, high=5.6e5, shortest=300.0, longest=900.0)
+    flow = random_steps(time, generator, low=8.0, high=14.0, shortest=400.0, longest=1200.0)
+    inputs = Inputs(time=time, values=np.stack([load, flow], axis=1))
+    start = {"jacket.q": 7e7, "side.q": 3.5e6}
+    made = simulate(COOLER, inputs, [Fault(parameter="UA", factor=factor, start=0.0)], seed=seed, start=start)
+    seen = samples_of(time[BEFORE:], made.inputs[BEFORE:], made.outputs[BEFORE:])
+    return run(build_engine(COOLER)[1], seen)[0]
+
+
 def of_sensor(monitor: Monitor, sensor: str) -> Candidate:
     """What is said of a sensor alone."""
     return next(item for item in monitor.conclude().candidates if item.components == (sensor,))
@@ -76,6 +110,18 @@ def test_a_sensor_that_was_wrong_from_the_first_sample_on_has_its_value(seed: in
     assert best.components == (sensor,) or best.probability < 0.9
     (suspect,) = found.suspects
     assert abs(suspect.estimate - bias) < 5.0 * suspect.sd + 0.01 * abs(bias)
+
+
+@pytest.mark.parametrize(("seed", "factor"), [(1, 0.65), (2, 0.65), (4, 1.45)])
+def test_a_parameter_that_was_off_from_the_first_sample_on_is_no_sensor(seed: int, factor: float) -> None:
+    """Plates are named with their value, not the thermometer, whose lanes begin at that sample too."""
+    monitor = cooled(seed, factor)
+    best = monitor.conclude().candidates[0]
+    assert monitor.number("clock.alarm") < monitor.spec.thresholds.history_samples
+    assert (best.components, best.kind) == (("plates",), FaultKind.STEP)
+    assert best.probability > 0.9
+    (suspect,) = best.suspects
+    assert abs(suspect.estimate - factor * 8e3) < 4.0 * suspect.sd < 0.2 * 8e3
 
 
 def test_the_first_samples_are_forgotten_with_the_trail() -> None:
