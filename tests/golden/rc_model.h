@@ -80,7 +80,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x515ee96d1706a5fbULL, 0xe9d2b9c5c696aa09ULL, 0x644af5f76db90d85ULL, 0xad706a593f6fe3d7ULL};
+static const uint64_t MODEL_HASH[] = {0x25f6f7b0d2e8d979ULL, 0x8e6db89ba407d485ULL, 0x76dd204f94a6b761ULL, 0x8a39acea843895cbULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -159,6 +159,7 @@ static const double INPUT_STEP[] = {0.6000000000000001};
 static const double INPUT_STEP_PART[] = {0.01};
 static const double INPUT_HEALTHY_BIAS[] = {0.0};
 static const double INPUT_ZERO[] = {0.0};
+static const int INPUT_FACTOR[] = {-1};
 static const int INPUT_RANGED[] = {0};
 static const double OUTPUT_NOISE[] = {0.1};
 static const double OUTPUT_HEALTHY_BIAS[] = {0.0};

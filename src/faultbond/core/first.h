@@ -51,7 +51,7 @@ static void begin_slots_at_first(const int64_t *lane, const Trail *trail, const 
             prepare_slots(trail, first->lane, 1, NULL, memory);
         }
         begin_slot(lane[l], trail, peak, &memory->start, group, l);
-        if (SLOT_PARAMETER[lane[l]] >= 0) go_along(lane[l], trail, 1, group, l);
+        if (SLOT_OUTPUT[lane[l]] < 0) go_along(lane[l], trail, 1, group, l);
         if (SLOT_KIND[lane[l]] == KIND_NOISE) group[WIDE_LIKELIHOOD][l] = LOWEST;
     }
 }

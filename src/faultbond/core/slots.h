@@ -184,32 +184,51 @@ static void begin_slot(int64_t k, const Trail *trail, const double *peak, const 
     block[WIDE_PLACE(AT_SLOT + 1, AT_SLOT + 1)][l] = rate_sd * rate_sd;
 }
 
+/* By how much an input is off for each of the size of lane k of the plan, while it reads u. */
+static double changes_input(int64_t k, double u) { return SLOT_SCALES[k] ? u - INPUT_ZERO[SLOT_INPUT[k]] : SLOT_ACTS[k]; }
+
 /* What lane k of the plan, whose fault has been there all along, does like a parameter, or in the place of a slow error: by how much
-   that would be off for each of its size; `place`: where that stands in a plain lane, -1: nowhere. */
-static double acts_like(int64_t k, const Trail *trail, int64_t n_seen, int64_t *place)
+   that would be off for each of its size; `place`: where that stands in a lane, -1: nowhere. An input does what the parameter does
+   with which alone it acts, theta u (1 + change / u). */
+static double acts_like(int64_t k, const Trail *trail, int64_t n_seen, double (*block)[GROUP], int l, int *place)
 {
-    const int output = SLOT_OUTPUT[k];
+    const int output = SLOT_OUTPUT[k], input = SLOT_INPUT[k];
     *place = -1;
-    if (SLOT_STICKS[k] || SLOT_KIND[k] == KIND_NOISE || SLOT_SETTLING[k] > 0.0) return 0.0;
-    if (SLOT_PARAMETER[k] >= 0) *place = AT_PARAMETERS + SLOT_PARAMETER[k];
-    else if (output >= 0 && SLOW_OF_OUTPUT[output] >= 0) *place = AT_SLOW + SLOW_OF_OUTPUT[output];
-    if (output < 0 || !SLOT_SCALES[k]) return SLOT_ACTS[k] * (output < 0 ? 1.0 : adds_to_reading(k, output));
-    return SLOT_ACTS[k] * (last_reading(trail, n_seen, output) - OUTPUT_ZERO[output]);
+    if (SLOT_PARAMETER[k] >= 0) {
+        *place = AT_PARAMETERS + SLOT_PARAMETER[k];
+        return SLOT_ACTS[k];
+    }
+    if (input >= 0) {
+        const double u = sample_at(trail, n_seen - 1)[SAMPLE_U + input];
+        if (INPUT_FACTOR[input] < 0 || u == 0.0) return 0.0;
+        *place = AT_PARAMETERS + INPUT_FACTOR[input];
+        return block[*place][l] * changes_input(k, u) / u;
+    }
+    if (SLOW_OF_OUTPUT[output] < 0) return 0.0;
+    *place = AT_SLOW + SLOW_OF_OUTPUT[output];
+    if (SLOT_SCALES[k]) return SLOT_ACTS[k] * (last_reading(trail, n_seen, output) - OUTPUT_ZERO[output]);
+    return SLOT_ACTS[k] * adds_to_reading(k, output);
 }
 
-/* Let the states of a wide lane go with its slot, as the fault of lane k of the plan has been there all along. */
+/* Let the states of a wide lane go with its slot, as the fault of lane k of the plan has been there all along: as they do with what it
+   acts like, and those that follow an input with that. */
 static void go_along(int64_t k, const Trail *trail, int64_t n_seen, double (*block)[GROUP], int l)
 {
-    int64_t place;
-    const double each = acts_like(k, trail, n_seen, &place), variance = block[WIDE_PLACE(AT_SLOT, AT_SLOT)][l];
+    int place;
     double by[FB_ROOM(WIDE_JOINT)];
-    if (place < 0 || !(block[WIDE_PLACE(place, place)][l] > 0.0)) return;
-    const double less = each / block[WIDE_PLACE(place, place)][l];
-    for (int64_t i = 0; i < WIDE_JOINT; i++)
-        by[i] = i < AT_SLOW || i > AT_SLOT + 1 ? less * block[i < place ? WIDE_PLACE(i, place) : WIDE_PLACE(place, i)][l] : 0.0;
-    for (int64_t i = 0; i < WIDE_JOINT; i++) {
+    if (SLOT_STICKS[k] || SLOT_KIND[k] == KIND_NOISE || SLOT_SETTLING[k] > 0.0) return;
+    const double each = acts_like(k, trail, n_seen, block, l, &place), variance = block[WIDE_PLACE(AT_SLOT, AT_SLOT)][l];
+    const double own = place < 0 ? 0.0 : block[WIDE_PLACE(place, place)][l];
+    for (int i = 0; i < WIDE_JOINT; i++) {
+        const int goes = own > 0.0 && (i < AT_SLOW || i > AT_SLOT + 1);
+        by[i] = goes ? each / own * block[i < place ? WIDE_PLACE(i, place) : WIDE_PLACE(place, i)][l] : 0.0;
+    }
+    for (int i = 0; i < N_STATES; i++)
+        if (SLOT_INPUT[k] >= 0 && START_INPUT[i] == SLOT_INPUT[k])
+            by[i] += changes_input(k, sample_at(trail, n_seen - 1)[SAMPLE_U + START_INPUT[i]]);
+    for (int i = 0; i < WIDE_JOINT; i++) {
         block[i][l] += by[i] * block[AT_SLOT][l];
-        for (int64_t j = i; j < WIDE_JOINT; j++) block[WIDE_PLACE(i, j)][l] += by[i] * by[j] * variance;
+        for (int j = i; j < WIDE_JOINT; j++) block[WIDE_PLACE(i, j)][l] += by[i] * by[j] * variance;
         block[i < AT_SLOT ? WIDE_PLACE(i, AT_SLOT) : WIDE_PLACE(AT_SLOT, i)][l] += by[i] * variance;
     }
 }

@@ -123,6 +123,7 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
     yield numbers("INPUT_STEP_PART", (item.step_part for item in spec.inputs))
     yield numbers("INPUT_HEALTHY_BIAS", (item.healthy_bias for item in spec.inputs))
     yield numbers("INPUT_ZERO", (item.unit_offset for item in spec.inputs))
+    yield integers("INPUT_FACTOR", (item.factor for item in spec.inputs))
     yield integers("INPUT_RANGED", (item.ranged for item in spec.inputs))
     yield numbers("OUTPUT_NOISE", (item.noise for item in spec.outputs))
     yield numbers("OUTPUT_HEALTHY_BIAS", (item.healthy_bias for item in spec.outputs))

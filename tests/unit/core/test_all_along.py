@@ -7,12 +7,20 @@ import pytest
 
 from bare_core import CELL, Bare, bare
 from faultbond.arrays import FloatArray, IntArray
+from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.spec import EngineSpec, pack, unpack
+from faultbond.model.text import parse_model
+from faultbond.runtime.monitor import Monitor
+from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.compile import find_compiler
+from faultbond.synthesis.engine import build_engine
 from faultbond.types import FaultKind
+from made import samples_of
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 NOISY = CELL.replace("V: {unit: V, settling: 3 s}", "V: {unit: V, noise: 10 mV}")
+NOISY = NOISY.replace("W: {unit: A}", "W: {unit: A, lag: 2 s}")
+NOISY = NOISY.replace("law: f = W}", "law: f = g*W, parameters: {g: 1}}")
 NOISY = NOISY.replace("slow_error: {", "slow_error: {v: 20 mV over 60 s, ")
 CALLS = """
 static double group[WIDE_NUMBERS][GROUP];
@@ -29,22 +37,39 @@ void t_replace(State *state, const double *how, double *lane)
     (void)state;
     replace_number((int64_t)how[0], how[1], how[2], how[3] != 0.0, lane);
 }
-/* A lane of the plan begun from a healthy one, and as it goes along; one sample was seen, which has readings. */
-void t_slot(State *state, const double *k, const double *plain, const double *readings, double *before, double *after)
+/* A lane of the plan begun from a healthy one, and as it goes along; one sample was seen, of sensors and inputs. */
+void t_slot(State *state, const double *k, const double *plain, const double *values, double *before, double *after)
 {
     const double peak[FB_ROOM(N_INPUTS)] = {0.0};
     trail.past = &state->past;
     trail.n = 1;
     for (int j = 0; j < N_OUTPUTS; j++) {
-        row_of(&state->past, 0)->sample[SAMPLE_Y + j] = readings[j];
+        row_of(&state->past, 0)->sample[SAMPLE_Y + j] = values[j];
         row_of(&state->past, 0)->sample[SAMPLE_USE + j] = 1.0;
     }
+    for (int i = 0; i < N_INPUTS; i++) row_of(&state->past, 0)->sample[SAMPLE_U + i] = values[N_OUTPUTS + i];
     prepare_slots(&trail, plain, 1, NULL, &slots);
     begin_slot((int64_t)*k, &trail, peak, &slots.start, group, 3);
     group[AT_SLOT][3] += 0.7; /* as found */
     for (int64_t i = 0; i < WIDE_NUMBERS; i++) before[i] = group[i][3];
     go_along((int64_t)*k, &trail, 1, group, 3);
     for (int64_t i = 0; i < WIDE_NUMBERS; i++) after[i] = group[i][3];
+}
+/* Lanes of steps, lane after lane, as they begin at the first sample, and the healthy lane there. */
+void t_first(State *state, const double *from, double *start, double *found)
+{
+    static FirstMemory first;
+    static StepMemory steps;
+    static Filters filters;
+    static PlainBlock plain;
+    prepare_filters(&filters);
+    trail_of(state, &trail);
+    for (int64_t l = 0, lane = (int64_t)*from; l < GROUP; l++, lane++)
+        planned_start(lane < N_PLANNED ? lane : 0, &steps.starts[l]);
+    begin_steps_at_first(steps.starts, &trail, &state->clock, &state->normal, plain, &steps, &first, &filters.plain);
+    memcpy(start, first.lane, sizeof first.lane);
+    for (int l = 0; l < GROUP; l++)
+        for (int64_t i = 0; i < PLAIN_NUMBERS; i++) found[l * PLAIN_NUMBERS + i] = plain[i][l];
 }
 void t_plan(State *state, const double *k, double *found)
 {
@@ -58,13 +83,14 @@ void t_plan(State *state, const double *k, double *found)
     found[5] = SLOT_ACTS[lane];
     found[6] = SLOT_STICKS[lane];
     found[7] = SLOT_SETTLING[lane];
+    found[8] = SLOT_INPUT[lane];
 }
 """
 
 
 @cache
 def core() -> Bare:
-    """The core of a plant with a noisy input and slow errors of a signal and of a sensor."""
+    """A core: a noisy input, one that lags and acts with a parameter alone, slow errors of a signal and of a sensor."""
     return bare(CALLS, NOISY)
 
 
@@ -163,22 +189,27 @@ def test_suspects_that_were_off_all_along_move_the_states() -> None:
         z[k] = 2.5
         np.testing.assert_allclose(unpack(spec, lane[spec.covariance_slice]), expected, atol=1e-12)
         np.testing.assert_allclose(lane[: spec.n_joint], z, rtol=1e-12)
-        assert len(learned) == 4
+        assert len(learned) == 6
 
 
 def plan(k: int) -> dict[str, int]:
     """What a lane of the plan is of."""
-    found, names = np.zeros(8), ("parameter", "output", "kind", "scales", "n", "acts", "sticks", "settling")
+    names = ("parameter", "output", "kind", "scales", "n", "acts", "sticks", "settling", "input")
+    found = np.zeros(len(names))
     core().call("t_plan", np.array([float(k)]), found)
     return dict(zip(names, found.astype(int).tolist(), strict=True))
 
 
 def test_slots_go_along_with_what_they_are_like() -> None:
-    """The slot of a parameter moves states as that does, of a sensor as its slow error; no other does."""
+    """The slot of a parameter moves states as that does, of a sensor as its slow error, of an input as its factor."""
     spec = core().spec
     names, slow = ([item.name for item in items] for items in (spec.outputs, spec.slow_errors))
     kinds = list(FaultKind)
-    readings, seen = np.array([3.0, 2.0]), set()
+    readings, seen, follows = (
+        np.array([3.0, 2.0, 1.7, 4.0]),
+        set(),
+        [item.name for item in spec.states].index("W.lagged"),
+    )
     at_slot, n_x, n_wide = spec.parameter_slice.stop, len(spec.states), spec.slotted.n_joint
     for k in range(plan(0)["n"]):
         own, plain = plan(k), drawn(spec, 4)
@@ -191,7 +222,10 @@ def test_slots_go_along_with_what_they_are_like() -> None:
         elif own["output"] == names.index("v") and kind is not FaultKind.NOISE:
             place, scales = n_x + slow.index("v"), bool(own["scales"])
             each = readings[own["output"]] if scales else spec.outputs[own["output"]].noise
-        if own["sticks"] or own["settling"] or not own["acts"]:
+        elif own["input"] == 1:
+            place = spec.parameter_slice.start + [item.name for item in spec.parameters].index("g")
+            each = before[place] * (1.0 if own["scales"] else 1.0 / readings[3])
+        if own["sticks"] or own["settling"] or not own["acts"] or kind is FaultKind.NOISE:
             place = None
         if place is None:
             assert np.array_equal(before, after)
@@ -200,6 +234,8 @@ def test_slots_go_along_with_what_they_are_like() -> None:
         full = unpack(spec.slotted, before[spec.slotted.covariance_slice])
         by = each * full[:, place] / full[place, place]
         by[n_x : at_slot + 2] = 0.0
+        if own["input"] == 1:
+            by[follows] += readings[3] if own["scales"] else 1.0
         expected, z = full + variance * np.outer(by, by), before[:n_wide] + by * size
         expected[at_slot] += by * variance
         expected[:, at_slot] += by * variance
@@ -207,3 +243,35 @@ def test_slots_go_along_with_what_they_are_like() -> None:
         np.testing.assert_allclose(after[:n_wide], z, rtol=1e-10)
         assert np.array_equal(after[spec.slotted.covariance_slice.stop :], before[spec.slotted.covariance_slice.stop :])
     assert {FaultKind.BIAS, FaultKind.GAIN, FaultKind.DRIFT} <= seen
+
+
+def test_steps_from_the_first_sample_on_go_with_its_start() -> None:
+    """The start goes with a suspect as its covariance says; a store whose content jumps has no lane there."""
+    model = parse_model(NOISY)
+    monitor, time = Monitor(build_engine(model)[1]), np.linspace(0.0, 19.5, 40)
+    values = np.stack([np.where(time < 8.0, 5.0, 9.0), np.full(40, 0.3)], axis=1)
+    made = simulate(model, Inputs(time=time, values=values), seed=2)
+    for sample in samples_of(time, made.inputs, made.outputs):
+        monitor.step(sample)
+    bare_core = core()
+    spec, plan_of_steps = bare_core.spec, plan_lanes(bare_core.spec)
+    bare_core.restore(monitor.save())
+    start, found, n = np.zeros(spec.n_numbers), np.zeros((8, spec.n_numbers)), plan_of_steps.n_lanes
+    lanes, (_, others), moved, jumping = [], parts(spec), 0.0, 0
+    for first in range(0, n, 8):
+        bare_core.call("t_first", np.array([float(first)]), start, found)
+        lanes += list(found.copy())
+    full = unpack(spec, start[spec.covariance_slice])
+    for number, lane in enumerate(lanes[:n]):
+        (chosen,) = np.flatnonzero(plan_of_steps.suspected[:, number])
+        k = spec.parameter_slice.start + chosen
+        if plan_of_steps.jumps[number].any():
+            assert lane[-1] == -1e300
+            jumping += 1
+            continue
+        away = full[others, k] / full[k, k] * (plan_of_steps.values[chosen, number] - 1.0) * start[k]
+        np.testing.assert_allclose(lane[others] - start[others], away, rtol=1e-9, atol=1e-12)
+        moved = max(moved, float(np.max(np.abs(away))))
+        assert lane[-1] == start[-1] == 0.0
+    assert moved > 1e-3
+    assert jumping > 0

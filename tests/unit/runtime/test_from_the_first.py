@@ -43,7 +43,7 @@ COOLER = parse_model(
     """
 name: cooler
 sample_time: 4 s
-inputs: {load: {unit: kW}, m: {unit: kg/s}}
+inputs: {load: {unit: kW, lag: 8 s}, m: {unit: kg/s}}
 constants: {cp: 4.18 kJ/kg/K, T0: 20 degC, T_sea: 18 degC}
 components:
   engine: {type: Sf, law: f = g*load, parameters: {g: {nominal: 0.5, accuracy: 2 %}}}
@@ -82,8 +82,8 @@ def read(seed: int, sensor: str, bias: float) -> Monitor:
 
 
 @cache
-def cooled(seed: int, factor: float) -> Monitor:
-    """The cooler watched, whose plates have had so many times their conductance for long."""
+def cooled(seed: int, factor: float = 1.0, load_bias: float = 0.0) -> Monitor:
+    """The cooler watched; its plates have had so many times their conductance for long, or more load acts, W."""
     generator = np.random.default_rng(seed)
     time = np.linspace(0.0, 4.0 * (ROWS + BEFORE - 1), ROWS + BEFORE)
     load = random_steps(time, generator, low=2.2e5, high=5.6e5, shortest=300.0, longest=900.0)
@@ -91,7 +91,7 @@ def cooled(seed: int, factor: float) -> Monitor:
     inputs = Inputs(time=time, values=np.stack([load, flow], axis=1))
     start = {"jacket.q": 7e7, "side.q": 3.5e6}
     made = simulate(COOLER, inputs, [Fault(parameter="UA", factor=factor, start=0.0)], seed=seed, start=start)
-    seen = samples_of(time[BEFORE:], made.inputs[BEFORE:], made.outputs[BEFORE:])
+    seen = samples_of(time[BEFORE:], made.inputs[BEFORE:] - [load_bias, 0.0], made.outputs[BEFORE:])
     return run(build_engine(COOLER)[1], seen)[0]
 
 
@@ -122,6 +122,18 @@ def test_a_parameter_that_was_off_from_the_first_sample_on_is_no_sensor(seed: in
     assert best.probability > 0.9
     (suspect,) = best.suspects
     assert abs(suspect.estimate - factor * 8e3) < 4.0 * suspect.sd < 0.2 * 8e3
+
+
+@pytest.mark.parametrize(("seed", "bias"), [(2, 9e4), (6, 8e4)])
+def test_an_input_that_was_off_from_the_first_sample_on_has_its_value(seed: int, bias: float) -> None:
+    """What begins with the start goes with the input: a store's content, and the lag behind it."""
+    monitor = cooled(seed, load_bias=bias)
+    best = monitor.conclude().candidates[0]
+    assert best.components == ("load",)
+    assert best.probability > 0.9
+    (suspect,) = best.suspects
+    assert suspect.parameter == "load.bias"
+    assert abs(suspect.estimate - bias) < 4.0 * suspect.sd
 
 
 def test_the_first_samples_are_forgotten_with_the_trail() -> None:
