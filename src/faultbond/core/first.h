@@ -3,7 +3,7 @@
    The start is solved from the first readings, so a sensor that is wrong leads the states astray, a parameter that is off goes with them,
    and what the filter learns after that makes up for it: no healthy lane is left from which a lane of that fault could begin. So while
    the first sample is kept, lanes of steps and with a slot begin there too: of a sensor from a start that is solved without it, of a
-   parameter from one that goes with it as its covariance says. Were only those of sensors there, a sensor would win what a parameter
+   parameter from one that goes with it as its covariance says, of an input from what sensors read then. Were only those of sensors there, a sensor would win what a parameter
    explains better. */
 #ifndef FB_FIRST_H
 #define FB_FIRST_H
@@ -23,12 +23,16 @@ static const double *known_at_first(const Clock *clock, const Normal *normal, Fi
     return memory->known;
 }
 
-/* The healthy lane before the first sample, solved without sensor j (-1: with all); into `lane` of the memory. */
+/* How a start is solved but without a sensor: with all, or, where an input is wrong, from so few samples that it moves little. */
+enum { WITH_ALL = -1, AS_READ = -2, SAMPLES_READ = 2 };
+
+/* The healthy lane before the first sample, solved without sensor j, or as told above; into `lane` of the memory. */
 static void start_without(int j, const Trail *trail, const Clock *clock, const Normal *normal, FirstMemory *memory, Filter_plain *work)
 {
     const Beginning *beginning = trail->beginning;
     const double *known = known_at_first(clock, normal, memory);
-    const int64_t count = beginning->count < trail->n ? beginning->count : trail->n;
+    const int64_t most = beginning->count < trail->n ? beginning->count : trail->n;
+    const int64_t count = j == AS_READ && most > SAMPLES_READ ? SAMPLES_READ : most;
     for (int64_t k = 0; k < count; k++) {
         memcpy(memory->samples[k], sample_at(trail, k), sizeof memory->samples[k]);
         if (j >= 0) memory->samples[k][SAMPLE_USE + j] = 0.0;
@@ -42,11 +46,12 @@ static void start_without(int j, const Trail *trail, const Clock *clock, const N
 static void begin_slots_at_first(const int64_t *lane, const Trail *trail, const double *peak, const Clock *clock, const Normal *normal,
                                  double (*group)[GROUP], Walk *walk, SlotMemory *memory, FirstMemory *first, Filter_plain *work)
 {
-    int without = N_OUTPUTS; /* no lane is of that sensor */
+    int without = N_OUTPUTS; /* no lane is of that sensor, */
     memset(walk, 0, sizeof *walk);
     for (int l = 0; l < GROUP; l++) {
-        if (SLOT_OUTPUT[lane[l]] != without) {
-            without = SLOT_OUTPUT[lane[l]];
+        const int how = SLOT_INPUT[lane[l]] >= 0 ? AS_READ : SLOT_OUTPUT[lane[l]]; /* and WITH_ALL of a parameter */
+        if (how != without) {
+            without = how;
             start_without(without, trail, clock, normal, first, work);
             prepare_slots(trail, first->lane, 1, NULL, memory);
         }
@@ -60,7 +65,7 @@ static void begin_slots_at_first(const int64_t *lane, const Trail *trail, const 
 static void begin_steps_at_first(Start *starts, const Trail *trail, const Clock *clock, const Normal *normal, double (*group)[GROUP],
                                  StepMemory *memory, FirstMemory *first, Filter_plain *work)
 {
-    start_without(-1, trail, clock, normal, first, work);
+    start_without(WITH_ALL, trail, clock, normal, first, work);
     for (int l = 0; l < GROUP; l++) starts[l].all_along = 1;
     suspect_lanes(starts, first->lane, group, memory->lane);
     for (int l = 0; l < GROUP; l++)
