@@ -24,7 +24,9 @@ static const double *known_at_first(const Clock *clock, const Normal *normal, Fi
 }
 
 /* How a start is solved but without a sensor: with all, or, where an input is wrong, from so few samples that it moves little. */
-enum { WITH_ALL = -1, AS_READ = -2, SAMPLES_READ = 2 };
+#define WITH_ALL (-1)
+#define AS_READ (-2)
+#define SAMPLES_READ 2
 
 /* The healthy lane before the first sample, solved without sensor j, or as told above; into `lane` of the memory. */
 static void start_without(int j, const Trail *trail, const Clock *clock, const Normal *normal, FirstMemory *memory, Filter_plain *work)

@@ -15,6 +15,7 @@ FB_SELDOM
 #define FIT_FAR 10.0    /* sd of its noise, or usual misfits, that a reading may lie from the start of the others */
 #define INPUT_APART 3.0 /* usual distances from the middle that an input may lie from it */
 #define MOST_WILD 0.45  /* part of the values of a column that may be wild; where more are, the model is off */
+#define STEP_LEFT 0.1   /* of what a fit leaves: without wild values less is left, without a step of a plant that is off it may be less, too */
 #define SHORT_PART 0.25 /* part of an input's values that is held for wild also where the readings do not tell */
 #define HUBER 1.5       /* usual misfits from which on a reading counts less, */
 #define PASSES 5        /* and how often such weights are found anew */
@@ -311,13 +312,26 @@ static double said_for_trial(const Fit *fit, const Fit *trial, int64_t count)
     return sum;
 }
 
+/* Whether suspected values are the first or the last, and more than one: an input that steps has such, too. */
+static int may_be_step(const Suspected *suspected, int64_t count)
+{
+    return suspected->last > suspected->first && (suspected->first == 0 || suspected->last == count - 1);
+}
+
 /* By how much the readings must speak for a past without some values of an input. A short stray is held for wild
-   also where they do not tell, unless it may be a step that goes on. */
+   also where they do not tell, unless it may be a step. */
 static double needed(const Suspected *suspected, int64_t count)
 {
-    const int64_t more = suspected->last - suspected->first;
-    const int goes_on = suspected->last == count - 1 && more > 0;
-    return suspected->strays && (double)more < SHORT_PART * (double)count && !goes_on ? -TELLING : TELLING;
+    const double more = (double)(suspected->last - suspected->first);
+    return suspected->strays && more < SHORT_PART * (double)count && !may_be_step(suspected, count) ? -TELLING : TELLING;
+}
+
+/* What readings lie off from a fit, squared and summed up. */
+static double left_by(const Fit *fit, int64_t count)
+{
+    double sum = 0.0;
+    for (int64_t k = 0; k < count * N_OUTPUTS; k++) sum += fmin(fabs(fit->misfit[k]), MOST_SAID) * fmin(fabs(fit->misfit[k]), MOST_SAID);
+    return sum;
 }
 
 /* Try each suspected stretch of an input as missing, beside those that were refused before; gives the fit that is
@@ -336,6 +350,7 @@ static Fit *refuse_inputs(const Task *task, const State *state, double (*samples
         pack_again(state, samples, task->count, memory->without, &memory->trial, memory->again);
         Fit *trial = fit_robustly(task, memory->again, others[0], others[1]);
         if (!(said_for_trial(kept, trial, task->count) > needed(suspected, task->count))) continue;
+        if (may_be_step(suspected, task->count) && !(left_by(trial, task->count) < STEP_LEFT * left_by(kept, task->count))) continue;
         memcpy(memory->refused, memory->without, sizeof memory->refused);
         memory->kept = memory->trial;
         kept = trial;

@@ -232,6 +232,18 @@ def test_a_step_that_goes_on_is_believed_where_no_reading_tells() -> None:
     assert core("motor").begin(back, y).inputs[0, 1] < 4.0
 
 
+@pytest.mark.parametrize("place", [4, 7, 14])
+@pytest.mark.parametrize("bias", [-0.3, 0.3])
+def test_a_step_is_believed_though_a_sensor_is_off(place: int, bias: float) -> None:
+    """Before a step that makes up for what a sensor reads too much no value of the input is taken back."""
+    for sign in (-1.0, 1.0):
+        u, y = recorded("motor", 2, tuple(5.0 + sign * (k >= place) for k in range(20)))
+        off = np.zeros(y.shape[1])
+        off[0] = bias * np.abs(y[:, 0]).mean()
+        found = core("motor").begin(u, y + off)
+        assert np.ptp(found.inputs[0, :2]) > 0.7  # of 1 V, of which single values may scatter
+
+
 def test_a_plant_that_runs_away_blames_no_reading() -> None:
     """Where no start fits since the inputs are absurd, no reading is taken out, and the start is a number."""
     u, y = recorded("tank", 1)
