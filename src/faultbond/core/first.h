@@ -28,7 +28,8 @@ static const double *known_at_first(const Clock *clock, const Normal *normal, Fi
 #define AS_READ (-2)
 #define SAMPLES_READ 2
 
-/* The healthy lane before the first sample, solved without sensor j, or as told above; into `lane` of the memory. */
+/* The healthy lane before the first sample, solved without sensor j, or as told above; into `lane` of the memory. What lags behind inputs
+   begins where these are: of a plant that is off it would make up for that. */
 static void start_without(int j, const Trail *trail, const Clock *clock, const Normal *normal, FirstMemory *memory, Filter_plain *work)
 {
     const Beginning *beginning = trail->beginning;
@@ -39,7 +40,7 @@ static void start_without(int j, const Trail *trail, const Clock *clock, const N
         memcpy(memory->samples[k], sample_at(trail, k), sizeof memory->samples[k]);
         if (j >= 0) memory->samples[k][SAMPLE_USE + j] = 0.0;
     }
-    solve_start(memory->samples, count, known, (int)beginning->again, normal, memory->mean, memory->covariance, &memory->solve, work);
+    solve_start(memory->samples, count, known, (int)beginning->again | AT_INPUTS, normal, memory->mean, memory->covariance, &memory->solve, work);
     healthy_lane(memory->mean, memory->covariance, AT_SLOT, known, memory->lane);
 }
 

@@ -36,6 +36,7 @@ FB_SELDOM
 #define NOTHING_OF_SIZE 1e-9 /* part of a state's size below which it is zero but for rounding, which tells nothing */
 #define REACH_OF_STATE 2.0   /* a state is at most about this many times what the measured outputs suggest */
 #define PART_OF_INPUT 0.1    /* of an input, by which what lags behind it may be off at first */
+#define AT_INPUTS 2          /* beside `again`: what lags behind inputs begins where these are, and is not sought */
 
 /* One guess on its way. Columns stand in memory one after the other. */
 typedef struct {
@@ -71,6 +72,7 @@ typedef struct {
     double spread[FB_ROOM(N_STATES)][FB_ROOM(N_STATES)];
     double columns[FB_LANES][FIRST_READINGS];
     double still[N_SAMPLE], settling[PLAIN_NUMBERS];
+    int held;                                 /* 1: what lags behind inputs begins where these are */
     double led[FB_ROOM(N_STATES)][FB_ROOM(N_UNKNOWN)]; /* slopes of the states that were found by what is unknown */
 } SolveMemory;
 
@@ -424,6 +426,9 @@ static double cost_of(const double *state, const double *misfit, const SolveMemo
     return sum_of_squares(misfit, memory->n_readings) + away;
 }
 
+/* Whether state i lags behind an input and begins where that is. */
+static inline int is_held(const SolveMemory *memory, int i) { return memory->held && START_INPUT[i] >= 0; }
+
 /* Begin all guesses: settled, where laws have values, away from zero on the positive side, and as the first readings show. */
 static void begin_guesses(SolveMemory *memory)
 {
@@ -432,6 +437,8 @@ static void begin_guesses(SolveMemory *memory)
         Guess *guess = &memory->guesses[g];
         const double *const at = g == 0 ? memory->centre : g == 1 ? memory->from : g == SHOWN ? memory->shown : START_MEAN;
         memcpy(guess->state, at, sizeof guess->state);
+        for (int i = 0; i < N_STATES; i++)
+            if (is_held(memory, i)) guess->state[i] = memory->centre[i];
         for (int c = 0; parts[g] > 0.0 && c < memory->n_free; c++)
             guess->state[memory->free[c]] += parts[g] * memory->size[memory->free[c]] / REACH_OF_STATE;
         guess->damping = 1e-3;
@@ -593,7 +600,7 @@ static void know_beforehand(double (*samples)[N_SAMPLE], const double *sd, const
     memory->n_free = 0;
     for (int i = 0; i < N_STATES; i++) {
         if (START_INPUT[i] < 0 && fabs(memory->centre[i] - START_MEAN[i]) > FAR_SETTLED * memory->size[i]) memory->centre[i] = START_MEAN[i];
-        if (memory->size[i] > 0.0) memory->free[memory->n_free++] = i;
+        if (memory->size[i] > 0.0 && !is_held(memory, i)) memory->free[memory->n_free++] = i;
     }
     if (!is_shown_far(samples, unknown, n_unknown, memory)) return;
     for (int c = 0; c < n_unknown; c++) memory->centre[unknown[c]] = seen[unknown[c]];
@@ -604,7 +611,7 @@ static void know_beforehand(double (*samples)[N_SAMPLE], const double *sd, const
 /* Solve the start: the states before the first of the packed samples, SI, and the covariance [AT_SLOT][AT_SLOT] of
    states, slow errors and parameters: a start that was found with parameters that are off is off with them.
    `known`: a lane whose parameters hold, or NULL. `again`: the plant has run before, so that what the model says of
-   the start does not hold. */
+   the start does not hold; and AT_INPUTS, or 0. */
 static void solve_start(double (*samples)[N_SAMPLE], int64_t count, const double *known, int again, const Normal *normal,
                         double *mean, double *covariance, SolveMemory *memory, Filter_plain *work)
 {
@@ -612,7 +619,7 @@ static void solve_start(double (*samples)[N_SAMPLE], int64_t count, const double
     double sd[FB_ROOM(N_STATES)];
     stated_sds(sd);
     for (int i = 0; i < N_STATES; i++)
-        if (again || isnan(START_SD[i])) unknown[n_unknown++] = i;
+        if ((again & ~AT_INPUTS) || isnan(START_SD[i])) unknown[n_unknown++] = i;
     for (int i = 0; i < AT_SLOT; i++)
         for (int j = i; j < AT_SLOT; j++)
             covariance[i * AT_SLOT + j] = covariance[j * AT_SLOT + i] =
@@ -624,6 +631,7 @@ static void solve_start(double (*samples)[N_SAMPLE], int64_t count, const double
         }
         return;
     }
+    memory->held = (again & AT_INPUTS) != 0;
     take_first(samples, count, known, normal, memory, work);
     know_beforehand(samples, sd, unknown, n_unknown, memory);
     begin_guesses(memory);
@@ -642,6 +650,8 @@ static void solve_start(double (*samples)[N_SAMPLE], int64_t count, const double
             const int i = memory->free[c], j = memory->free[d];
             covariance[i * AT_SLOT + j] = WIDER * WIDER * (memory->size[i] * memory->spread[c][d] * memory->size[j]);
         }
+    for (int i = 0; i < N_STATES; i++)
+        if (is_held(memory, i)) covariance[i * AT_SLOT + i] = memory->size[i] * memory->size[i];
     follow_unknown(known, memory->led, covariance);
 }
 

@@ -218,6 +218,40 @@ static int64_t worth_starting_from(const State *state, int64_t count)
     return count - skipped;
 }
 
+/* Solve the start from the last samples; into `first` of the work. Gives how many values were wild; `sound`: whether the filter runs
+   from there. `again`: see `solve_start`. */
+static int64_t begin_from(State *state, int64_t count, int again, int *sound, Work *work)
+{
+    FirstMemory *first = &work->bank.first;
+    const double *known = known_at_first(&state->clock, &state->normal, first);
+    for (int64_t k = 0; k < count; k++)
+        memcpy(first->samples[k], row_of(&state->past, state->clock.index - count + 1 + k)->sample, sizeof first->samples[k]);
+    const int64_t wild = begin(state, count, known, again, first->samples, first->mean, first->covariance, &work->start,
+                               &first->solve, &work->filters.plain);
+    healthy_lane(first->mean, first->covariance, AT_SLOT, known, first->lane);
+    memcpy(work->lane, first->lane, sizeof first->lane);
+    for (int64_t k = 0; k < count; k++) advance_one(work->lane, first->samples[k], &state->normal, NULL, &work->filters.plain);
+    *sound = is_sound(work->lane);
+    return wild;
+}
+
+/* The same, and again with all that lags behind inputs where these are, if the filter does not run: of a plant that is off it may make up
+   for that, as a valve that never was open. */
+static int64_t begin_soundly(State *state, int64_t count, int again, Work *work)
+{
+    int sound;
+    const Clock clock = state->clock;
+    const Inputs inputs = state->inputs;
+    double astray[FB_ROOM(N_STATES)];
+    memcpy(astray, state->healthy.astray, sizeof astray);
+    const int64_t wild = begin_from(state, count, again, &sound, work);
+    if (sound) return wild;
+    state->clock = clock;
+    state->inputs = inputs;
+    memcpy(state->healthy.astray, astray, sizeof astray);
+    return begin_from(state, count, again | AT_INPUTS, &sound, work);
+}
+
 /* Gather the first samples; once there are enough, solve the start and filter what was gathered. */
 static void gather(State *state, Report *report, Work *work)
 {
@@ -231,15 +265,11 @@ static void gather(State *state, Report *report, Work *work)
     count = worth_starting_from(state, count);
     clock->begun = clock->index - count + 1;
     if (count > MOST_FIRST) count = MOST_FIRST;
-    for (int64_t k = 0; k < count; k++)
-        memcpy(first->samples[k], row_of(&state->past, clock->index - count + 1 + k)->sample, sizeof first->samples[k]);
     const Beginning beginning = {clock->index - count + 1, count, again};
-    const double *known = known_at_first(clock, &state->normal, first);
     double innovations[2 * N_OUTPUTS];
-    const int64_t wild = begin(state, count, known, again, first->samples, first->mean, first->covariance, &work->start,
-                               &first->solve, &work->filters.plain);
+    const int64_t wild = begin_soundly(state, count, again, work);
     state->beginning = beginning;
-    healthy_lane(first->mean, first->covariance, AT_SLOT, known, work->lane);
+    memcpy(work->lane, first->lane, sizeof first->lane);
     begin_walks(&state->healthy, work->lane, row_of(&state->past, clock->begun)->time);
     begin_shown(&state->sensors);
     for (int64_t k = 0; k < count; k++) {

@@ -39,8 +39,7 @@ sensors:
 """
 )
 # Slow errors learn much of what parameters have done before the alarm.
-COOLER = parse_model(
-    """
+COOLING = """
 name: cooler
 sample_time: 4 s
 inputs: {load: {unit: kW, lag: 8 s}, m: {unit: kg/s}}
@@ -56,7 +55,10 @@ bonds: [engine -> hot -> jacket, hot -> wall -> plates, wall -> sw -> side, sw -
 sensors: {t_hot: {reads: hot.e, unit: degC, noise: 0.1 K}, t_sw: {reads: sw.e, unit: degC, noise: 0.06 K}}
 slow_error: {t_hot: 0.5 K over 2200 s, t_sw: 0.3 K over 2200 s}
 """
-)
+COOLER = parse_model(COOLING)
+# A flow that lags behind its input has no value below 0.
+_LAGGING = COOLING.replace("m: {unit: kg/s}", "m: {unit: kg/s, lag: 12 s}").replace("cp*m*k", "cp*k*m**0.8")
+LAGGING = parse_model(_LAGGING.replace("{nominal: 1, accuracy", "{nominal: 1.6 kg^0.2/s^0.2, accuracy"))
 # A voltage that is wrong moves the current within a few samples, and so a start that is solved from twenty.
 DRIVE = parse_model(
     """
@@ -103,17 +105,17 @@ def read(seed: int, sensor: str, bias: float) -> Monitor:
 
 
 @cache
-def cooled(seed: int, factor: float = 1.0, load_bias: float = 0.0) -> Monitor:
+def cooled(seed: int, factor: float = 1.0, load_bias: float = 0.0, *, lags: bool = False) -> Monitor:
     """The cooler watched; its plates have had so many times their conductance for long, or more load acts, W."""
-    generator = np.random.default_rng(seed)
+    model, generator = LAGGING if lags else COOLER, np.random.default_rng(seed)
     time = np.linspace(0.0, 4.0 * (ROWS + BEFORE - 1), ROWS + BEFORE)
     load = random_steps(time, generator, low=2.2e5, high=5.6e5, shortest=300.0, longest=900.0)
     flow = random_steps(time, generator, low=8.0, high=14.0, shortest=400.0, longest=1200.0)
     inputs = Inputs(time=time, values=np.stack([load, flow], axis=1))
     start = {"jacket.q": 7e7, "side.q": 3.5e6}
-    made = simulate(COOLER, inputs, [Fault(parameter="UA", factor=factor, start=0.0)], seed=seed, start=start)
+    made = simulate(model, inputs, [Fault(parameter="UA", factor=factor, start=0.0)], seed=seed, start=start)
     seen = samples_of(time[BEFORE:], made.inputs[BEFORE:] - [load_bias, 0.0], made.outputs[BEFORE:])
-    return run(build_engine(COOLER)[1], seen)[0]
+    return run(build_engine(model)[1], seen)[0]
 
 
 def of_sensor(monitor: Monitor, sensor: str) -> Candidate:
@@ -143,6 +145,18 @@ def test_a_parameter_that_was_off_from_the_first_sample_on_is_no_sensor(seed: in
     assert best.probability > 0.9
     (suspect,) = best.suspects
     assert abs(suspect.estimate - factor * 8e3) < 4.0 * suspect.sd < 0.2 * 8e3
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4])
+def test_what_lags_behind_an_input_makes_up_for_no_fault_at_the_start(seed: int) -> None:
+    """The filter runs from the first sample on, and plates that conduct 1.8 times as much are no thermometer."""
+    monitor = cooled(seed, 1.8, lags=True)
+    best = monitor.conclude().candidates[0]
+    assert monitor.number("clock.begun") == 0
+    assert (best.components, best.kind) == (("plates",), FaultKind.STEP)
+    assert best.probability > 0.9
+    (suspect,) = best.suspects
+    assert abs(suspect.estimate - 1.8 * 8e3) < 4.0 * suspect.sd
 
 
 @cache
