@@ -469,7 +469,7 @@ static void fill_couples(const Bank *bank, const Trail *trail, int64_t onset, co
         const int64_t lane = job->lane[l], base = job->bases[lane];
         const int64_t beside = beside_of(bank, lane, base);
         double *from = SLOT_OLD[base] ? old : start->healthy;
-        if (beside < 0) suspect_too(bank, job, lane, (int)start->all_along, start->healthy, from, plain);
+        if (beside < 0) suspect_too(bank, job, lane, start->all_along, start->healthy, from, plain);
         else memcpy(plain, from, sizeof start->healthy);
         widen(plain, SLOT_OLD[base] ? start->old : start->wide);
         const int from_found = is_of_found(base) && is_again(bank, job, lane);

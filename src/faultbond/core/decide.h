@@ -163,12 +163,10 @@ static void renew_instrument(State *state, int64_t slot)
     }
 }
 
-/* A plain lane with the states of `healthy`, which it may be, and the parameters of `old`, uncorrelated. */
-static void unlearned(const double *healthy, const double *old, double *lane)
+/* Let a plain lane have the parameters of an old one, uncorrelated with all else. */
+static void take_back_parameters(const double *old, double *lane)
 {
-    if (lane != healthy) memcpy(lane, healthy, PLAIN_NUMBERS * sizeof *lane);
-    for (int k = 0; k < N_PARAMETERS; k++) {
-        const int i = AT_PARAMETERS + k;
+    for (int i = AT_PARAMETERS; i < AT_SLOT; i++) {
         lane[i] = old[i];
         for (int j = 0; j < AT_PARAMETERS; j++) lane[PLAIN_PLACE(j, i)] = 0.0;
         for (int j = i; j < AT_SLOT; j++) lane[PLAIN_PLACE(i, j)] = old[PLAIN_PLACE(i, j)];
@@ -186,7 +184,7 @@ static void forget_fault(State *state)
         moving[k][0] = lane[AT_PARAMETERS + k];
         moving[k][1] = lane[PLAIN_PLACE(AT_PARAMETERS + k, AT_PARAMETERS + k)];
     }
-    unlearned(lane, state->alarm.old >= 0 ? state->healthy.snapshots[state->alarm.old] : state->bank.healthy, lane);
+    take_back_parameters(state->alarm.old >= 0 ? state->healthy.snapshots[state->alarm.old] : state->bank.healthy, lane);
     forget_slow_errors(lane);
     for (int k = 0; k < N_PARAMETERS; k++) {
         const int i = AT_PARAMETERS + k;

@@ -3,8 +3,8 @@
    The start is solved from the first readings, so a sensor that is wrong leads the states astray, a parameter that is off goes with them,
    and what the filter learns after that makes up for it: no healthy lane is left from which a lane of that fault could begin. So while
    the first sample is kept, lanes of steps and with a slot begin there too: of a sensor from a start that is solved without it, of a
-   parameter from one that goes with it as its covariance says, of an input from what sensors read then. Were only those of sensors there, a sensor would win what a parameter
-   explains better. */
+   parameter from one that goes with it as its covariance says, of an input from what sensors read then. Were only those of sensors
+   there, a sensor would win what a parameter explains better. */
 #ifndef FB_FIRST_H
 #define FB_FIRST_H
 
@@ -59,7 +59,7 @@ static void begin_slots_at_first(const int64_t *lane, const Trail *trail, const 
             prepare_slots(trail, first->lane, 1, NULL, memory);
         }
         begin_slot(lane[l], trail, peak, &memory->start, group, l);
-        if (SLOT_OUTPUT[lane[l]] < 0) go_along(lane[l], trail, 1, group, l);
+        go_along(lane[l], trail, 1, group, l); /* nothing does with a sensor without which the start was solved */
         if (SLOT_KIND[lane[l]] == KIND_NOISE) group[WIDE_LIKELIHOOD][l] = LOWEST;
     }
 }

@@ -330,7 +330,7 @@ static double needed(const Suspected *suspected, int64_t count)
 static double left_by(const Fit *fit, int64_t count)
 {
     double sum = 0.0;
-    for (int64_t k = 0; k < count * N_OUTPUTS; k++) sum += fmin(fabs(fit->misfit[k]), MOST_SAID) * fmin(fabs(fit->misfit[k]), MOST_SAID);
+    for (int64_t k = 0; k < count * N_OUTPUTS; k++) sum += said_for_second(fit->misfit[k], 0.0);
     return sum;
 }
 

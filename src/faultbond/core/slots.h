@@ -24,7 +24,8 @@ typedef struct {
     double healthy[PLAIN_NUMBERS];
     double wide[WIDE_NUMBERS], old[WIDE_NUMBERS]; /* with an empty slot; with what was learned since long ago in doubt */
     double step;                                  /* usual s from sample to sample */
-    int64_t n_seen, all_along;                    /* 1: faults have been there since before the samples that are kept */
+    int64_t n_seen;
+    int all_along;                                /* 1: faults have been there since before the samples that are kept */
 } SlotStart;
 
 /* Lanes of one fault that are begun again as one: the likeliest, the least likely, and that whose start it has. */

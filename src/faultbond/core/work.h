@@ -304,11 +304,12 @@ static void begin_onset(State *state, const Trail *trail, int64_t k, BankMemory 
 {
     Job *job = &state->job;
     const int64_t place = job->search.place[k];
+    const int at_first = job->search.early && k == 0;
     if (job->stage == RAMPS) {
         begin_ramps(job->lane, trail, place, job->peak, job->run, job->stays, &memory->slots);
     } else if (job->stage == COUPLES) {
         begin_couples(&state->bank, trail, place, &state->normal, job, &memory->steps, &memory->slots, filters);
-    } else if (job->stage == SLOTS && place == 0 && trail->beginning) {
+    } else if (job->stage == SLOTS && at_first) {
         begin_slots_at_first(job->lane, trail, job->peak, &state->clock, &state->normal, job->run, &job->walk, &memory->slots, &memory->first,
                              &filters->plain);
     } else if (job->stage == SLOTS) {
@@ -316,7 +317,7 @@ static void begin_onset(State *state, const Trail *trail, int64_t k, BankMemory 
                     &memory->slots);
     } else {
         starts_of_group(state, trail, memory->steps.starts);
-        if (place == 0 && trail->beginning)
+        if (at_first)
             begin_steps_at_first(memory->steps.starts, trail, &state->clock, &state->normal, job->run, &memory->steps, &memory->first,
                                  &filters->plain);
         else begin_steps(memory->steps.starts, trail, place, &state->normal, job->run, &memory->steps, &filters->plain);

@@ -55,6 +55,75 @@ void t_slot(State *state, const double *k, const double *plain, const double *va
     go_along((int64_t)*k, &trail, 1, group, 3);
     for (int64_t i = 0; i < WIDE_NUMBERS; i++) after[i] = group[i][3];
 }
+/* A trail of the same sample and lane again and again. */
+static void in_trail(State *state, const double *plain, const double *values, int64_t n)
+{
+    trail.past = &state->past;
+    trail.oldest = 0;
+    trail.n = n;
+    for (int64_t k = 0; k < n; k++) {
+        Row *row = row_of(&state->past, k);
+        memset(row->sample, 0, sizeof row->sample);
+        memcpy(row->lane, plain, sizeof row->lane);
+        row->sample[SAMPLE_DT] = 0.5;
+        for (int j = 0; j < N_OUTPUTS; j++) {
+            row->sample[SAMPLE_Y + j] = values[j];
+            row->sample[SAMPLE_USE + j] = row->sample[SAMPLE_SCALE + j] = 1.0;
+        }
+        for (int i = 0; i < N_INPUTS; i++)
+            row->sample[SAMPLE_U + i] = row->sample[SAMPLE_U_BEFORE + i] = values[N_OUTPUTS + i];
+    }
+}
+/* By how much the first state goes with the slot of each lane of the plan where it has been off all along, and where it
+   begins at the first sample; and whether steps know. */
+void t_begun(State *state, const double *plain, const double *values, double *later, double *at_first, double *steps)
+{
+    static const Beginning beginning = {0, 20, 0};
+    static FirstMemory first;
+    static Filters filters;
+    static Walk walk;
+    const double peak[FB_ROOM(N_INPUTS)] = {1.0};
+    Start start;
+    prepare_filters(&filters);
+    in_trail(state, plain, values, 20);
+    trail.old = plain;
+    trail.all_along = 1;
+    trail.beginning = &beginning;
+    state->clock.accepted = -1;
+    for (int64_t k = 0; k < N_SLOT_LANES; k++) {
+        int64_t lane[GROUP];
+        for (int l = 0; l < GROUP; l++) lane[l] = k;
+        begin_slots(lane, NULL, &trail, 1, peak, group, &walk, &slots);
+        later[k] = group[WIDE_PLACE(0, AT_SLOT)][2];
+        begin_slots_at_first(lane, &trail, peak, &state->clock, &state->normal, group, &walk, &slots, &first,
+                             &filters.plain);
+        at_first[k] = group[WIDE_PLACE(0, AT_SLOT)][2];
+    }
+    state->job.lane[0] = 0;
+    planned_or_chosen(state, &trail, 0, &start);
+    steps[0] = start.all_along;
+}
+/* Of a couple of slot k of the plan with a component: by how much the first state goes with either. */
+int64_t t_coupled(State *state, const double *k, const double *plain, const double *values, double *found)
+{
+    static StepMemory steps;
+    Job *job = &state->job;
+    in_trail(state, plain, values, 2);
+    trail.old = plain;
+    trail.all_along = 1;
+    for (int couple = 0; couple < N_COUPLES; couple++) {
+        if (COUPLE_BESIDE[couple] >= 0 || COUPLE_SLOT[couple] != SLOT_HYPOTHESIS[(int64_t)*k]) continue;
+        state->bank.coupled[0] = couple;
+        state->bank.base[0] = job->bases[0] = (int64_t)*k;
+        job->values[0] = 1.3;
+        memset(job->lane, 0, sizeof job->lane);
+        fill_couples(&state->bank, &trail, 1, plain, job, &steps, &slots);
+        found[0] = job->run[WIDE_PLACE(0, AT_SLOT)][1];
+        found[1] = job->run[WIDE_PLACE(0, AT_PARAMETERS + COUPLE_PARAMETER[couple])][1];
+        return 1;
+    }
+    return 0;
+}
 /* Lanes of steps, lane after lane, as they begin at the first sample, and the healthy lane there. */
 void t_first(State *state, const double *from, double *start, double *found)
 {
@@ -243,6 +312,42 @@ def test_slots_go_along_with_what_they_are_like() -> None:
         np.testing.assert_allclose(after[:n_wide], z, rtol=1e-10)
         assert np.array_equal(after[spec.slotted.covariance_slice.stop :], before[spec.slotted.covariance_slice.stop :])
     assert {FaultKind.BIAS, FaultKind.GAIN, FaultKind.DRIFT} <= seen
+
+
+def test_lanes_go_along_wherever_they_begin() -> None:
+    """At the first sample those of parameters and inputs: a start without its sensor knows nothing of its fault."""
+    spec, n = core().spec, plan(0)["n"]
+    later, at_first, steps = np.zeros(n), np.zeros(n), np.zeros(1)
+    core().call("t_begun", drawn(spec, 4), np.array([3.0, 2.0, 1.7, 4.0]), later, at_first, steps)
+    assert steps[0] == 1.0
+    v, seen = [item.name for item in spec.outputs].index("v"), set()
+    for k in range(n):
+        own = plan(k)
+        if own["sticks"] or own["settling"] or not own["acts"] or list(FaultKind)[own["kind"]] is not FaultKind.BIAS:
+            continue
+        acts = own["output"] == v or own["input"] == 1
+        assert (later[k] != 0.0) == acts
+        assert (at_first[k] != 0.0) == (own["input"] == 1)
+        seen.add((own["output"], own["input"]))
+    assert {(v, -1), (-1, 1)} <= seen
+
+
+def test_couples_go_along() -> None:
+    """Beside a component that was off all along, and with which the states go, they go with a sensor too."""
+    pairs = bare(CALLS, NOISY.replace("max_faults: 1", "max_faults: 2"))
+    n, found = np.zeros(9), np.zeros(2)
+    pairs.call("t_plan", np.zeros(1), n)
+    v, tried = [item.name for item in pairs.spec.outputs].index("v"), 0
+    for k in range(int(n[4])):
+        own = np.zeros(9)
+        pairs.call("t_plan", np.array([float(k)]), own)
+        if own[1] != v or list(FaultKind)[int(own[2])] is not FaultKind.BIAS or own[6]:
+            continue
+        lane, values = drawn(pairs.spec, 4), np.array([3.0, 2.0, 1.7, 4.0])
+        tried += pairs.call("t_coupled", np.array([float(k)]), lane, values, found)
+        assert found[0] != 0.0
+        assert found[1] != 0.0
+    assert tried > 0
 
 
 def test_steps_from_the_first_sample_on_go_with_its_start() -> None:
