@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from faultbond.app import generation
 from faultbond.cli import main
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
@@ -85,8 +86,9 @@ def test_the_library_finds_what_run_finds(project: Path, tmp_path: Path, capsys:
         assert float(probability) == pytest.approx(best["probability"], abs=6e-4)
 
 
-def test_the_same_model_gives_the_same_bytes(project: Path, tmp_path: Path) -> None:
+def test_the_same_model_gives_the_same_bytes(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Written from another folder, at another time, each file is the same; none holds a path of this machine."""
+    monkeypatch.setenv("FAULTBOND_CACHE", str(tmp_path / "cache"))  # which keeps projects
     shutil.copy(RC / "model.yaml", tmp_path / "model.yaml")
     generate(tmp_path / "model.yaml", tmp_path / "again")
     for path in (tmp_path / "again").rglob("*"):
@@ -96,6 +98,46 @@ def test_the_same_model_gives_the_same_bytes(project: Path, tmp_path: Path) -> N
     assert not [name for name in FLEETS if (project / "core" / name).exists()]
     copied = (project / "core" / "core.c").read_bytes()
     assert copied == (ROOT / "src" / "faultbond" / "core" / "core.c").read_bytes()
+
+
+def test_what_is_kept_is_what_would_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second time the same files and the same record come from the cache; other wishes are another project."""
+    monkeypatch.setenv("FAULTBOND_CACHE", str(tmp_path / "cache"))
+    shutil.copy(RC / "model.yaml", tmp_path / "model.yaml")
+    records = []
+    for folder in ("one", "two"):
+        generate(tmp_path / "model.yaml", tmp_path / folder, "--json", str(tmp_path / f"{folder}.json"))
+        records.append(json.loads((tmp_path / f"{folder}.json").read_text()) | {"output": ""})
+        monkeypatch.setattr(generation, "_made", None)  # whatever is not kept fails from now on
+    assert records[0] == records[1]
+    assert contents(tmp_path / "one") == contents(tmp_path / "two")
+    wishes = (["--watch-only"], ["--lanes-at-most", "300"], ["--target", "aarch64-linux"])
+    for options in wishes:
+        assert main(["generate", str(tmp_path / "model.yaml"), "-o", str(tmp_path / "other"), *options]) == 3
+    shutil.copy(
+        tmp_path / "model.yaml", tmp_path / "renamed.yaml"
+    )  # the title of a model without a name is that of its file
+    assert main(["generate", str(tmp_path / "renamed.yaml"), "-o", str(tmp_path / "other")]) == 3
+    (tmp_path / "model.yaml").write_text((tmp_path / "model.yaml").read_text() + "# changed\n")
+    assert main(["generate", str(tmp_path / "model.yaml"), "-o", str(tmp_path / "other")]) == 3
+
+
+def test_a_model_with_a_file_beside_it_is_made_each_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A curve in a file of its own may change without the model's bytes."""
+    monkeypatch.setenv("FAULTBOND_CACHE", str(tmp_path / "cache"))
+    text = (RC / "model.yaml").read_text().replace("law: e = V}", 'law: "e = table(V, curve)"}')
+    (tmp_path / "model.yaml").write_text(text + "tables: {curve: {file: curve.csv, x: V, y: V}}\n")
+    made = []
+    for most in (10, 11):
+        (tmp_path / "curve.csv").write_text(f"0,0\n5,5\n10,{most}\n")
+        generate(tmp_path / "model.yaml", tmp_path / "plant")
+        made.append(contents(tmp_path / "plant"))
+    assert made[0] != made[1]
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    """Give what files below a folder hold."""
+    return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def test_a_folder_of_somebody_is_left_alone(project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

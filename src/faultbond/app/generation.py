@@ -4,12 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from faultbond.app.plant import plant_identity
 from faultbond.errors import FaultbondError, ModelError
 from faultbond.io.files import replaced_text
+from faultbond.io.kept_project import Project, ProjectIdentity, read_project, write_project
 from faultbond.io.out import Out
-from faultbond.model.document import ModelFile
+from faultbond.model.document import ModelDocument, ModelFile, read_document
 from faultbond.model.graph import BondGraph
-from faultbond.model.text import load_model
 from faultbond.types import TimeGrid
 
 MARK = "model.h"  # the file by which a folder is known as one that was generated
@@ -49,9 +50,51 @@ def generated(model: ModelFile, *, output: Path, target: str, lanes_at_most: int
     FaultbondError
         Where the folder holds something else.
     """
-    graph = load_model(model)
-    check_has_time(graph)
     check_folder(output)
+    project = _project(read_document(model), target, lanes_at_most, watch_only=watch_only)
+    write_folder(output, dict(project.files))
+    fault = "a healthy plant" if project.test_fault is None else f"a fault of {project.test_fault}"
+    return Generated(
+        record={
+            "record": "generate",
+            "model": project.model,
+            "output": str(output),
+            "target": target,
+            "files": len(project.files),
+            "watch_only": watch_only,
+            "lanes": project.lanes,
+            "state_bytes": project.state_bytes,
+            "work_bytes": project.work_bytes,
+            "saved_bytes": project.saved_bytes,
+            "test_fault": project.test_fault,
+        },
+        lines=(
+            f"{output}: {len(project.files)} files. {project.model}: {project.lanes} filters after an alarm.",
+            f"A plant takes {project.state_bytes} bytes, a call {project.work_bytes}.",
+            f"The self-test is {fault}. Build and test it: make -C {output} all check",
+        ),
+    )
+
+
+def _project(document: ModelDocument, target: str, lanes_at_most: int | None, *, watch_only: bool) -> Project:
+    """Give the project of a model: the one that the cache keeps, or a new one."""
+    plant, identity = plant_identity(document), None
+    if plant is not None:
+        identity = ProjectIdentity(plant=plant, target=target, lanes_at_most=lanes_at_most, watch_only=watch_only)
+        kept = read_project(identity)
+        if kept is not None:
+            return kept
+    from faultbond.model.text import load_model  # noqa: PLC0415 - loads yaml
+
+    graph = load_model(document)
+    check_has_time(graph)
+    made = _made(graph, target, lanes_at_most, watch_only=watch_only)
+    if identity is not None and not any(item.file for item in graph.tables):  # it knows no file but the model's
+        write_project(identity, made)
+    return made
+
+
+def _made(graph: BondGraph, target: str, lanes_at_most: int | None, *, watch_only: bool) -> Project:
     from faultbond.app.self_test import self_test  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.equations.plant import build_plant  # noqa: PLC0415 - loads casadi
     from faultbond.equations.step import build_step_model  # noqa: PLC0415 - loads casadi
@@ -78,28 +121,14 @@ def generated(model: ModelFile, *, output: Path, target: str, lanes_at_most: int
             target=target,
         )
     )
-    write_folder(output, files)
-    lanes = count_lanes(spec)
-    fault = f"a fault of {test.fault}" if test.fault else "a healthy plant"
-    return Generated(
-        record={
-            "record": "generate",
-            "model": graph.name,
-            "output": str(output),
-            "target": target,
-            "files": len(files),
-            "watch_only": watch_only,
-            "lanes": lanes,
-            "state_bytes": core.sizes["state"],
-            "work_bytes": core.sizes["work"],
-            "saved_bytes": core.sizes["saved"],
-            "test_fault": test.fault or None,
-        },
-        lines=(
-            f"{output}: {len(files)} files. {graph.name}: {lanes} filters after an alarm.",
-            f"A plant takes {core.sizes['state']} bytes, a call {core.sizes['work']}.",
-            f"The self-test is {fault}. Build and test it: make -C {output} all check",
-        ),
+    return Project(
+        model=graph.name,
+        lanes=count_lanes(spec),
+        state_bytes=core.sizes["state"],
+        work_bytes=core.sizes["work"],
+        saved_bytes=core.sizes["saved"],
+        test_fault=test.fault or None,
+        files=tuple(files.items()),
     )
 
 

@@ -57,16 +57,14 @@ def find_plant(model: ModelFile, wanted: Wanted) -> WatchedPlant:
         Where others may write the cache.
     """
     document = read_document(model)
-    identity = _identity(document, wanted)
+    identity = plant_identity(document) if wanted.method is Method.BANK else None
     return WatchedPlant(document, identity, read_prepared(identity) if identity is not None else None)
 
 
-def _identity(document: ModelDocument, wanted: Wanted) -> Identity | None:
-    """Give what the cache knows a plant by; None where no compiled engine is wanted, or can be made."""
+def plant_identity(document: ModelDocument) -> Identity | None:
+    """Give what the cache knows a plant by; None where no engine can be compiled."""
     from faultbond.synthesis.compile import compiler_identity, find_compiler, processor  # noqa: PLC0415 - not all need it
 
-    if wanted.method is not Method.BANK:
-        return None
     compiler = find_compiler()
     if compiler is None:
         return None

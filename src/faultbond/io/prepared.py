@@ -45,7 +45,7 @@ class Identity:
     @property
     def file(self) -> str:
         """The name of its file."""
-        return sha256(_json(asdict(self))).hexdigest()[:32] + PREPARED
+        return kept_name(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,7 +107,17 @@ def write_prepared(identity: Identity, prepared: Prepared) -> None:
         size=len(prepared.library.content),
     )
     with suppress(OSError):
-        write_kept(identity.file, b"".join((_json(asdict(told)), b"\n", prepared.library.content)))
+        write_kept(identity.file, b"".join((json_line(told), b"\n", prepared.library.content)))
+
+
+def kept_name(identity: Any) -> str:
+    """Give the name of the file that the cache keeps under an identity, a dataclass."""
+    return sha256(json_line(identity)).hexdigest()[:32] + PREPARED
+
+
+def json_line(told: Any) -> bytes:
+    """Give a dataclass as JSON of one line; numbers to the last digit, also those that JSON has no word for."""
+    return json.dumps(asdict(told), default=_plain, separators=(",", ":")).encode()
 
 
 def code_identity() -> str:
@@ -133,11 +143,6 @@ def _files(folder: Path) -> Iterator[str]:
                 yield f"{os.path.relpath(entry.path, _PACKAGE)} {about.st_size} {about.st_mtime_ns}"
             elif entry.is_dir() and entry.name != "__pycache__":
                 yield from _files(Path(entry.path))
-
-
-def _json(value: object) -> bytes:
-    """Give a value as JSON of one line; numbers to the last digit, also those that JSON has no word for."""
-    return json.dumps(value, default=_plain, separators=(",", ":")).encode()
 
 
 def _plain(value: Any) -> object:
