@@ -1,6 +1,7 @@
 """Collects what a run sees, sample by sample, into a `History`."""
 
 from array import array
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,6 +14,8 @@ from faultbond.contract.spec import EngineSpec
 
 LASTING = 5  # diagnoses that did not explain the data, from which on that is more than a moment
 MAX_DIAGNOSES = 500  # kept; of a longer run every second one, then every fourth, and so on
+MAX_EVENTS = 100  # alarms, and decisions of each kind, kept of a run without end
+LEAST = 1e-3  # probability from which on a candidate of an earlier diagnosis is kept of such a run; no curve shows less
 
 
 class Misfits:
@@ -52,7 +55,8 @@ class Trace:
     spec : the model
     curves : False keeps only the first and the last sample and the last diagnosis, in memory of fixed size
     lag : samples by which what a report expects is of an earlier sample
-    newest : how many samples are kept at least, and twice as many at most; None: all are
+    newest : of a run without end, how many samples are kept at least, and twice as many at most, with diagnoses since
+        the last alarm; None: all are
     """
 
     def __init__(self, spec: EngineSpec, *, curves: bool = True, lag: int = 0, newest: int | None = None) -> None:
@@ -64,16 +68,18 @@ class Trace:
         self._ends = np.cumsum([1, n_y, n_y, n_y, n_u, n_y])
         self._width = int(self._ends[-1]) + int(self._slow.sum())
         self._numbers = array("d")  # one row per sample, grown in place
-        self._detections: list[Detection] = []
+        most = None if newest is None else MAX_EVENTS
+        self._detections = deque[Detection](maxlen=most)
+        self._accepted, self._rejected = deque[Decision](maxlen=most), deque[Decision](maxlen=most)
         self._open: Detection | None = None
-        self._diagnoses: list[Diagnosis] = []
-        self._stride = 1
         self.status: Status | None = None  # at the newest sample
-        self._passed = 0  # diagnoses seen
+        self._forget_diagnoses()
+
+    def _forget_diagnoses(self) -> None:
+        self._diagnoses: list[Diagnosis] = []  # before the last one
         self._last: Diagnosis | None = None
+        self._passed, self._stride = 0, 1  # how many there were; one of how many is kept
         self._misfits = Misfits()  # since the last alarm
-        self._accepted: list[Decision] = []
-        self._rejected: list[Decision] = []
 
     def add(self, samples: Samples, reports: Reports) -> None:
         """Take samples, one at least, and what a method said of them."""
@@ -99,17 +105,25 @@ class Trace:
         if reports.detection is not None:
             self._detections.append(reports.detection)
             self._open = reports.detection
-            self._misfits = Misfits()
+            if self._newest is None:
+                self._misfits = Misfits()
+            else:
+                self._forget_diagnoses()
         if reports.diagnosis is not None:
             self.conclude(reports.diagnosis)
 
     def conclude(self, diagnosis: Diagnosis) -> None:
         """Take a diagnosis; that given last is always kept."""
+        self._keep_last()
         self._last = diagnosis
         self._misfits.take(diagnosis)
-        if self._curves and self._passed % self._stride == 0:
-            self._diagnoses.append(diagnosis)
         self._passed += 1
+
+    def _keep_last(self) -> None:
+        """Keep the diagnosis that another one follows, if it is one of those that are kept."""
+        if self._last is None or not self._curves or (self._passed - 1) % self._stride:
+            return
+        self._diagnoses.append(self._last if self._newest is None else _leading(self._last))
         if len(self._diagnoses) > MAX_DIAGNOSES:
             del self._diagnoses[1::2]
             self._stride *= 2
@@ -151,17 +165,17 @@ class Trace:
             slow_limits=self._spec.slow_limits[self._slow],
             slow_names=tuple(error.words for error in self._spec.slow_errors if error.alarms),
             detections=tuple(self._detections),
-            diagnoses=self._kept(),
+            diagnoses=(*self._diagnoses, *(() if self._last is None else (self._last,))),
             accepted=tuple(self._accepted),
             rejected=tuple(self._rejected),
             open=self._open,
             missed=None if self._last is None else self._misfits.of(self._last),
         )
 
-    def _kept(self) -> tuple[Diagnosis, ...]:
-        """Give the diagnoses in order, the last one among them."""
-        last = [self._last] if self._last is not None and self._last not in self._diagnoses[-1:] else []
-        return (*self._diagnoses, *last)
+
+def _leading(diagnosis: Diagnosis) -> Diagnosis:
+    """Give a diagnosis without candidates that no curve shows."""
+    return replace(diagnosis, candidates=tuple(item for item in diagnosis.candidates if item.probability >= LEAST))
 
 
 def _earlier(values: FloatArray, lag: int) -> FloatArray:

@@ -1,5 +1,6 @@
 """What a run leaves behind for people."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from faultbond.contract.findings import Candidate, Decider, Decision, Detection, Diagnosis, Suspect, Unexplained
 from faultbond.contract.samples import STATUSES, Reports, Samples, Status
 from faultbond.contract.spec import EngineSpec, InputSpec, OutputSpec, SlowErrorSpec, Thresholds
-from faultbond.runtime.trace import LASTING, MAX_DIAGNOSES, Trace
+from faultbond.runtime.trace import LASTING, LEAST, MAX_DIAGNOSES, MAX_EVENTS, Trace
 
 SPEC = EngineSpec(
     model="m",
@@ -137,6 +138,40 @@ def test_diagnoses_of_a_long_run_are_thinned() -> None:
     assert times[0] == 0.0
     assert times[-1] == 4 * MAX_DIAGNOSES + 2
     assert len(set(np.diff(times[:-1]))) == 1
+
+
+def test_a_run_without_end_keeps_what_is_of_now() -> None:
+    """Diagnoses since the last alarm, however many came before, and the newest alarms and decisions."""
+    trace = Trace(SPEC, newest=10)
+    alarms = [
+        Detection(time=float(k), sample=k, change_time=float(k), signals=("flow",)) for k in range(2 * MAX_EVENTS)
+    ]
+    for k, alarm in enumerate(alarms):
+        trace.add(sample(k), report(k, alarm))
+        assert trace.history().diagnoses == ()
+        for n in range(10):
+            trace.conclude(diagnosis(k + n))
+        decision = Decision(time=float(k), candidate=said(k, "K1", None).candidates[0], by=Decider.RULE)
+        trace.reject(decision)
+        trace.accept(decision)
+    history = trace.history()
+    assert [item.time - alarms[-1].time for item in history.diagnoses] == list(range(10))
+    assert history.detections == tuple(alarms[-MAX_EVENTS:])
+    assert len(history.accepted) == len(history.rejected) == MAX_EVENTS
+    assert history.accepted[-1] == decision
+
+
+def test_of_earlier_diagnoses_what_a_curve_shows_is_kept() -> None:
+    """Of a run without end; the last one is whole, and a run that ends keeps all."""
+    shares = (0.9, 2 * LEAST, LEAST, 0.9 * LEAST, 0.0)
+    ranked = tuple(replace(said(0, f"K{n}", None).candidates[0], probability=p) for n, p in enumerate(shares))
+    for newest, kept in ((10, 3), (None, 5)):
+        trace = Trace(SPEC, newest=newest)
+        for k in range(3):
+            trace.conclude(Diagnosis(time=float(k), candidates=ranked))
+        first, second, last = trace.history().diagnoses
+        assert first.candidates == second.candidates == ranked[:kept]
+        assert last.candidates == ranked
 
 
 def test_without_curves_memory_is_fixed() -> None:
