@@ -23,7 +23,6 @@ from faultbond.model.graph import TimeColumn, Unit
 
 FORMAT = 1
 _PACKAGE = Path(__file__).parents[1]
-_SOURCES = (".py", ".h", ".c", ".in")
 _NUMBERS = TypeLimits(not_finite=frozenset({*SPEC_CLASSES, Column, Columns, TimeColumn, Unit}))
 
 
@@ -135,14 +134,15 @@ def _versions(folder: str) -> Iterator[str]:
 
 
 def _files(folder: Path) -> Iterator[str]:
-    """Give name, size and time of each source below a folder."""
+    """Give name, size and time of each file below a folder, but of those that Python writes itself."""
     with os.scandir(folder) as entries:
         for entry in entries:
-            if entry.name.endswith(_SOURCES):
+            if entry.is_dir():
+                if entry.name != "__pycache__":
+                    yield from _files(Path(entry.path))
+            else:
                 about = entry.stat()
                 yield f"{os.path.relpath(entry.path, _PACKAGE)} {about.st_size} {about.st_mtime_ns}"
-            elif entry.is_dir() and entry.name != "__pycache__":
-                yield from _files(Path(entry.path))
 
 
 def _plain(value: Any) -> object:

@@ -147,9 +147,13 @@ def test_the_code_is_known_by_its_files(tmp_path: Path, monkeypatch: pytest.Monk
         lambda: source.write_text("int xy;"),
         lambda: os.utime(source, (1e9, 1e9)),
         lambda: source.rename(package / "core.c"),
+        lambda: (package / "core" / "Makefile").write_text("all:"),  # a template
         (installed / "faultbond-9.9.dist-info").mkdir,
     ):
         change()
         assert code_identity() not in seen
         assert code_identity() == code_identity()
         seen.add(code_identity())
+    (package / "__pycache__").mkdir()
+    (package / "__pycache__" / "core.pyc").write_text("")
+    assert code_identity() in seen
