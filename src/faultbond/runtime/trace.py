@@ -15,7 +15,7 @@ from faultbond.contract.spec import EngineSpec
 LASTING = 5  # diagnoses that did not explain the data, from which on that is more than a moment
 MAX_DIAGNOSES = 500  # kept; of a longer run every second one, then every fourth, and so on
 MAX_EVENTS = 100  # alarms, and decisions of each kind, kept of a run without end
-LEAST = 1e-3  # probability from which on a candidate of an earlier diagnosis is kept of such a run; no curve shows less
+LEAST = 1e-3  # probability of candidates that are kept of its earlier diagnoses; below, a curve shows nothing
 
 
 class Misfits:
