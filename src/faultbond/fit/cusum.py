@@ -10,7 +10,7 @@ Source: Page, Biometrika 41 (1954) 100.
 """
 
 from dataclasses import dataclass
-from math import isfinite, log, sqrt
+from math import isfinite, log, prod, sqrt
 from typing import Any
 
 import numpy as np
@@ -92,6 +92,46 @@ def added(settings: Thresholds, sums: Sums, score: Floats, use: BoolArray, forge
     if forget is not None and np.any(forget):
         before = np.where(forget, np.nan, before)
     return Sums(slow=slow, fast=fast, scatter=scatter, before=before)
+
+
+def heights_along(settings: Thresholds, scores: Floats, use: BoolArray, forget: BoolArray, anew: BoolArray) -> Floats:
+    """Give `heights_of` the sums after each of many samples, (3, n, ...): as if they were `added` one after the other.
+
+    A sum that stays above 0 is its steps summed up, less the least of these totals so far, or 0.
+
+    Parameters
+    ----------
+    settings : limits and drifts
+    scores, use, forget : arrays, shape (n, ...), or what broadcasts to it
+        As in `added`, of each sample.
+    anew : array of bool, alike
+        True where a score is compared with none before it, as after a gap.
+    """
+    shape, flat = scores.shape, (len(scores), prod(scores.shape[1:]))
+    use = use & np.isfinite(scores)
+    limited = clip(settings, scores)
+    slow, fast = (
+        [_climbed(np.where(use, side * limited - drift, 0.0)) for side in (1.0, -1.0)]
+        for drift in (settings.cusum_drift, settings.fast_drift)
+    )
+    breaks: Floats = np.cumsum(anew, axis=0) + np.cumsum(forget, axis=0) - forget
+    part = np.broadcast_to(breaks, shape).reshape(flat)
+    gained = np.zeros((LAGS, *part.shape))
+    for j, (values, used) in enumerate(zip(scores.reshape(flat).T, use.reshape(flat).T, strict=True)):
+        at = np.flatnonzero(used)
+        for lag in range(1, LAGS + 1):
+            gain = scatter_gain(settings, values[at[lag:]] - values[at[:-lag]])
+            gained[lag - 1, at[lag:], j] = np.where(part[at[lag:], j] == part[at[:-lag], j], gain, 0.0)
+    scatter = _climbed(gained.reshape(LAGS, *shape), axis=1)
+    by_fast, by_scatter = scales(settings)
+    sides = [np.maximum(one, by_fast * other) for one, other in zip(slow, fast, strict=True)]
+    return np.stack([*sides, by_scatter * np.min(scatter, axis=0)])
+
+
+def _climbed(steps: Floats, axis: int = 0) -> Floats:
+    """Give sums that stay above 0 after each of their steps."""
+    total = np.cumsum(steps, axis=axis)
+    return np.asarray(total - np.minimum(np.minimum.accumulate(total, axis=axis), 0.0))
 
 
 def height_of(settings: Thresholds, sums: Sums) -> Floats:

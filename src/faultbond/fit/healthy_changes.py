@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from faultbond.arrays import FloatArray
 from faultbond.contract.core_settings import core_settings
@@ -87,7 +87,7 @@ def spread_beyond(off: FloatArray, variance: FloatArray) -> float:
     def size(square: float) -> float:
         return float(np.sum(off**2 / (variance + square)))
 
-    if size(0.0) <= chi2.isf(BY_CHANCE, len(off)):
+    if size(0.0) <= chdtri(len(off), BY_CHANCE):
         return 0.0
     low, high = 0.0, float(np.max(off**2))
     for _ in range(HALVINGS):

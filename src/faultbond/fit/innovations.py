@@ -13,7 +13,7 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.spec import covariance_place
-from faultbond.fit.cusum import added, heights_of, no_sums
+from faultbond.fit.cusum import heights_along
 from faultbond.fit.response import raised_inputs, way_between, with_raised
 from faultbond.fit.samples import HealthyRecording, trusted
 from faultbond.fit.side_by_side import side_by_side
@@ -117,13 +117,8 @@ def watch_taken(
         use[r, first : item.count], astray[r, first : item.count] = item.use, item.astray[:, None]
         forget[r, first : item.count] = item.settling | item.astray[:, None]
         use[r, :warm], astray[r, :warm], forget[r, :warm] = False, False, False
-    climbs = np.zeros((3, *shape))
-    sums = no_sums(shape[0], *shape[1::2])
-    for t in range(count):
-        if astray[:, t].any():  # after a gap the scatter is compared with nothing before it
-            sums = replace(sums, before=np.where(astray[:, t], np.nan, sums.before))
-        sums = added(spec.thresholds, sums, scores[:, :, t], use[:, t], forget[:, t])
-        climbs[:, :, :, t] = heights_of(spec.thresholds, sums)
+    along = (np.moveaxis(item, 1, 0)[:, None] for item in (use, forget, astray))
+    climbs = np.moveaxis(heights_along(spec.thresholds, np.moveaxis(scores, 2, 0), *along), 1, 3)
     scores[:, ~use] = np.nan
     return tuple(
         tuple(

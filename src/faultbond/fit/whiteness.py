@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from faultbond.arrays import FloatArray
 
@@ -79,7 +79,7 @@ def test_whiteness(sensor: str, residuals: Sequence[FloatArray]) -> Whiteness:
         sensor=sensor,
         lags=lags,
         statistic=statistic,
-        p=float(chi2.sf(statistic, lags)),
+        p=float(chdtrc(lags, statistic)),
         correlation=correlation,
         bound=float(1.96 / np.sqrt(n)),
         spread=float(np.sqrt(np.mean(values**2))),
