@@ -9,19 +9,33 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
+M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # of glibc's malloc.h
+LARGE = 128 * 1024  # bytes; glibc's own limit rises to the largest piece that was ever free, and stays there
+ARENAS = (
+    2  # parts of memory that threads share, each with a reserve of its own; glibc's own number is eight a processor
+)
+
+
+def keep_little() -> None:
+    """Let the C library keep little in reserve, where it is glibc: a large piece goes back as soon as it is free."""
+    choose = _function("mallopt", ctypes.c_int, ctypes.c_int)
+    if choose is not None:
+        choose(M_MMAP_THRESHOLD, LARGE)
+        choose(M_ARENA_MAX, ARENAS)
+
 
 def give_back() -> None:
     """Give back what the C library holds in reserve, where it is one that does so when asked, as glibc's."""
-    trim = _trim()
+    trim = _function("malloc_trim", ctypes.c_size_t)
     if trim is not None:
         trim(0)
 
 
 @cache
-def _trim() -> Callable[[int], Any] | None:
+def _function(name: str, *takes: type) -> Callable[..., Any] | None:
     try:
-        trim = ctypes.CDLL(None).malloc_trim
+        found = getattr(ctypes.CDLL(None), name)
     except (AttributeError, OSError, TypeError):  # no such function; no such library; none by that name, as on Windows
         return None
-    trim.argtypes, trim.restype = (ctypes.c_size_t,), ctypes.c_int
-    return trim
+    found.argtypes, found.restype = takes, ctypes.c_int
+    return found  # type: ignore[no-any-return]

@@ -17,6 +17,7 @@ from faultbond.service.certificate_watch import CertificateWatch
 from faultbond.service.contract.store import LogStore
 from faultbond.service.door import Certificate, bound
 from faultbond.service.log_lines import LogForm, logged
+from faultbond.service.memory import keep_little
 from faultbond.service.sinks.opening import metrics_token, open_sinks
 from faultbond.service.sinks.options import KINDS
 from faultbond.service.site import Site
@@ -58,6 +59,7 @@ def serve(
     if check:
         _tell(site, certificate, out)
         return
+    keep_little()
     with logged(log):
         try:
             number = asyncio.run(_serve(site, certificate, out, uvicorn))

@@ -34,13 +34,44 @@ def test_what_was_freed_between_what_was_not_goes_back() -> None:
     assert int(done.stdout) > 40e6
 
 
+LARGE = """
+import numpy as np
+from faultbond.service.memory import keep_little
+
+def resident():
+    return 4096 * int(open("/proc/self/statm").read().split()[1])
+
+if ASKED:
+    keep_little()
+np.ones(2**21)  # a piece of 16 MB that is free again: from now on glibc would keep as much
+before = resident()
+pieces = [np.ones(2**19) for _ in range(6)]
+few = [np.ones(40) for _ in range(2000)]
+del pieces
+print(resident() - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
+def test_large_pieces_go_back_as_soon_as_they_are_free() -> None:
+    """Tens of megabytes, which the C library keeps else where something small came to lie behind them."""
+    kept = []
+    for asked in (False, True):
+        program = LARGE.replace("ASKED", str(asked))
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+        kept.append(int(done.stdout))
+    assert kept[0] > 20e6
+    assert kept[1] < 3e6
+
+
 def test_a_library_that_has_no_such_function_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """As where the C library is another one."""
     monkeypatch.setattr("ctypes.CDLL", lambda name: object())
-    memory._trim.cache_clear()
+    memory._function.cache_clear()
     memory.give_back()
-    assert memory._trim() is None
-    memory._trim.cache_clear()
+    memory.keep_little()
+    assert memory._function("malloc_trim") is None
+    memory._function.cache_clear()
 
 
 def test_a_service_gives_it_back_once_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -174,12 +174,15 @@ def test_who_is_asked_through_a_proxy_needs_users() -> None:
         serve(site(names=("plant.example",)), out=QUIET, check=True)
 
 
-def test_a_port_that_is_taken_is_told(tmp_path: Path) -> None:
-    """In a line, with what to do."""
+def test_a_port_that_is_taken_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a line, with what to do; until then it has begun as ever, and keeps little memory in reserve."""
+    begun = list[None]()
+    monkeypatch.setattr("faultbond.service.program.keep_little", lambda: begun.append(None))
     with socket.create_server(("127.0.0.1", 0)) as door:
         port = door.getsockname()[1]
         with pytest.raises(FaultbondError, match=f"127.0.0.1:{port}: cannot listen there: .*Name another by --port"):
             serve(site(port=port, store=str(tmp_path / "kept.sqlite")), out=QUIET)
+    assert begun
 
 
 def test_a_check_says_what_would_be_watched(capsys: pytest.CaptureFixture[str]) -> None:
