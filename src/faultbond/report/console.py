@@ -11,6 +11,7 @@ from rich.text import Text
 
 LONG_WORD = 24  # columns of a word that is broken where there is too little room
 PLAIN_WIDTH = 100  # columns where the output is a file or a pipe
+MOST_LABEL = 0.45  # of the width; of a label that is longer the rest stands below
 
 
 def set_width(console: Console) -> None:
@@ -39,9 +40,12 @@ def title(console: Console, text: str, note: str = "") -> None:
 
 
 def lines(console: Console, items: Iterable[tuple[str, str]], style: str = "") -> None:
-    """Print labels and texts that wrap beside them, these in a style."""
+    """Print labels and texts that wrap beside them, these in a style; long labels wrap too and leave the texts room."""
+    items = list(items)
+    longest = max((cell_len(label) for label, _ in items), default=0)
+    width = min(longest, int(MOST_LABEL * console.width))
     grid = Table.grid(padding=(0, 2))
-    grid.add_column(style="dim", no_wrap=True)
+    grid.add_column(style="dim", overflow="fold", width=width)
     grid.add_column(overflow="fold")
     for label, text in items:
         grid.add_row(Text(label), Text(text, style=style))

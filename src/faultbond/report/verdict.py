@@ -266,12 +266,14 @@ def _walk_sentence(what: str, detection: Detection, walk: Walk) -> str:
 
 
 def accepted_sentence(graph: BondGraph, accepted: Decision) -> str:
-    """Say what was accepted, when, and by whom."""
+    """Say what was accepted, with its values, when, and by whom."""
     told = f"{_set_and_kind(graph, accepted.candidate)} ({probability_text(accepted.candidate.probability)} %)"
     if accepted.repaired:
         return f"Repaired at {clock_text(accepted.time)}: {told}. It is as the model file says again."
-    by = " by rule" if accepted.by is Decider.RULE else ""
-    return f"Accepted{by} at {clock_text(accepted.time)}: {told}. It is the new normal.{_doubt_of(accepted.candidate)}"
+    by, found = " by rule" if accepted.by is Decider.RULE else "", accepted.candidate
+    changes = [change_of(graph, found, item, accepted.time, Notation.FILE) for item in found.suspects]
+    told = "; ".join([told, *([join(changes)] if changes else [])])
+    return f"Accepted{by} at {clock_text(accepted.time)}: {told}. It is the new normal.{_doubt_of(found)}"
 
 
 def _doubt_of(accepted: Candidate) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from faultbond.report.console import table
+from faultbond.report.console import lines, table
 
 HEADER = ("component", "estimate ± sd", "unit")
 ROWS = [("fan of the motor", "1.436e-4 ± 0.005e-4", "N*m*s^2/rad^2"), ("+ bearing", "0.004 ± 0.001", "N*m*s/rad")]
@@ -39,3 +39,15 @@ def test_a_table_becomes_blocks_where_it_is_too_wide() -> None:
         " estimate ± sd  1.436e-4 ± 0.005e-4",
         " unit           N*m*s^2/rad^2",
     ]
+
+
+@pytest.mark.parametrize("label", ["time", "noise of " + ", ".join(f"sensor_{k}" for k in range(40))])
+def test_texts_have_room_beside_labels_of_any_length(label: str) -> None:
+    """A label that names forty things stands in several lines; none of it is left out, and neither is the text."""
+    out = StringIO()
+    lines(Console(file=out, width=60), [(label, "solved from the first samples"), ("start", "0 s")])
+    printed_lines = out.getvalue().splitlines()
+    told = " ".join(out.getvalue().split())
+    assert all(word in told for word in label.split())
+    assert "solved from the first samples" in printed_lines[0]
+    assert printed_lines[-1].split() == ["start", "0", "s"]
