@@ -4,6 +4,7 @@ import asyncio
 import platform
 import subprocess
 import sys
+import weakref
 
 import pytest
 
@@ -32,6 +33,19 @@ def test_what_was_freed_between_what_was_not_goes_back() -> None:
     """Tens of megabytes, which the C library keeps else."""
     done = subprocess.run([sys.executable, "-c", BETWEEN], capture_output=True, text=True, check=True)
     assert int(done.stdout) > 40e6
+
+
+def test_objects_that_hold_only_each_other_go() -> None:
+    """However few they are."""
+
+    class Held:
+        def __init__(self) -> None:
+            self.itself = self
+
+    seen = weakref.ref(Held())
+    assert seen() is not None
+    memory.give_back()
+    assert seen() is None
 
 
 LARGE = """
