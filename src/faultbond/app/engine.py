@@ -18,7 +18,7 @@ def build_watcher(graph: BondGraph, identity: Identity | None = None) -> Core:
     from faultbond.synthesis.engine import build  # noqa: PLC0415 - loads casadi
 
     built = build(graph)
-    if identity is not None and not any(item.file for item in graph.tables):  # it knows no file but the model's
+    if identity is not None and graph.stands_alone:
         spec, columns = built.core.spec, columns_of(graph)
         kept = Prepared(spec=spec, columns=columns, compiler=built.compiler, library=built.library)
         write_prepared(identity, kept)

@@ -89,7 +89,7 @@ def _project(document: ModelDocument, target: str, lanes_at_most: int | None, *,
     graph = load_model(document)
     check_has_time(graph)
     made = _made(graph, target, lanes_at_most, watch_only=watch_only)
-    if identity is not None and not any(item.file for item in graph.tables):  # it knows no file but the model's
+    if identity is not None and graph.stands_alone:
         write_project(identity, made)
     return made
 

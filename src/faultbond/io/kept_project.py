@@ -4,13 +4,11 @@ Such a file is for one model file, to the byte, and for one faultbond, compiler 
 believed only where that is what is asked for.
 """
 
-import json
 from contextlib import suppress
 from dataclasses import dataclass
 
 from faultbond.io.cache import read_kept, write_kept
-from faultbond.io.prepared import Identity, json_line, kept_name
-from faultbond.io.typed import typed
+from faultbond.io.prepared import Identity, json_line, kept_name, told_in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,14 +60,8 @@ def read_project(identity: ProjectIdentity) -> Project | None:
     CacheError
         Where others may write the cache.
     """
-    content = read_kept(identity.file)
-    if content is None:
-        return None
-    try:
-        kept = typed(_Kept, json.loads(content))
-    except (ValueError, TypeError, RecursionError):
-        return None
-    return kept.project if kept.identity == identity else None
+    kept = told_in(read_kept(identity.file) or b"", _Kept)
+    return kept.project if kept is not None and kept.identity == identity else None
 
 
 def write_project(identity: ProjectIdentity, project: Project) -> None:

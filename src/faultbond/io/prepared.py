@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from enum import Enum
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from faultbond.contract.spec import SPEC_CLASSES, EngineSpec
 from faultbond.io.cache import PREPARED, Library, read_kept, write_kept
@@ -22,6 +22,7 @@ from faultbond.io.typed import TypeLimits, typed
 from faultbond.model.graph import TimeColumn, Unit
 
 FORMAT = 1
+_T = TypeVar("_T")
 _PACKAGE = Path(__file__).parents[1]
 _NUMBERS = TypeLimits(not_finite=frozenset({*SPEC_CLASSES, Column, Columns, TimeColumn, Unit}))
 
@@ -77,15 +78,9 @@ def read_prepared(identity: Identity) -> Prepared | None:
     CacheError
         Where others may write the cache.
     """
-    content = read_kept(identity.file)
-    if content is None:
-        return None
-    text, _, library = content.partition(b"\n")
-    try:
-        told = typed(_Told, json.loads(text), _NUMBERS)
-    except (ValueError, TypeError, RecursionError):
-        return None
-    if told.identity != identity or told.size != len(library):
+    text, _, library = (read_kept(identity.file) or b"").partition(b"\n")
+    told = told_in(text, _Told, _NUMBERS)
+    if told is None or told.identity != identity or told.size != len(library):
         return None
     return Prepared(
         spec=told.spec,
@@ -112,6 +107,14 @@ def write_prepared(identity: Identity, prepared: Prepared) -> None:
 def kept_name(identity: Any) -> str:
     """Give the name of the file that the cache keeps under an identity, a dataclass."""
     return sha256(json_line(identity)).hexdigest()[:32] + PREPARED
+
+
+def told_in(line: bytes, kind: type[_T], limits: TypeLimits | None = None) -> _T | None:
+    """Give what a line of `json_line` tells, of some dataclass; None where it is damaged."""
+    try:
+        return typed(kind, json.loads(line), limits)
+    except (ValueError, TypeError, RecursionError):
+        return None
 
 
 def json_line(told: Any) -> bytes:

@@ -399,6 +399,11 @@ class BondGraph:
         return frozenset((*inputs, *(item.lag for item in self.sensors))) - {""}
 
     @property
+    def stands_alone(self) -> bool:
+        """Whether its file is all that it is made of: no curve is in a file of its own."""
+        return not any(item.file for item in self.tables)
+
+    @property
     def is_block_network(self) -> bool:
         """Whether the components are blocks, not elements joined by bonds."""
         return any(item.type is ElementType.BLOCK for item in self.components)

@@ -272,8 +272,8 @@ def accepted_sentence(graph: BondGraph, accepted: Decision) -> str:
         return f"Repaired at {clock_text(accepted.time)}: {told}. It is as the model file says again."
     by, found = " by rule" if accepted.by is Decider.RULE else "", accepted.candidate
     changes = [change_of(graph, found, item, accepted.time, Notation.FILE) for item in found.suspects]
-    told = "; ".join([told, *([join(changes)] if changes else [])])
-    return f"Accepted{by} at {clock_text(accepted.time)}: {told}. It is the new normal.{_doubt_of(found)}"
+    values = f"; {join(changes)}" if changes else ""
+    return f"Accepted{by} at {clock_text(accepted.time)}: {told}{values}. It is the new normal.{_doubt_of(found)}"
 
 
 def _doubt_of(accepted: Candidate) -> str:

@@ -12,9 +12,7 @@ from typing import Any
 
 M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8  # of glibc's malloc.h
 LARGE = 128 * 1024  # bytes; glibc's own limit rises to the largest piece that was ever free, and stays there
-ARENAS = (
-    2  # parts of memory that threads share, each with a reserve of its own; glibc's own number is eight a processor
-)
+ARENAS = 2  # parts of memory that threads share, each with a reserve; glibc would have up to eight a processor
 
 
 def keep_little() -> None:
