@@ -369,6 +369,15 @@ def test_records_of_the_self_test(project: Path, capsys: pytest.CaptureFixture[s
     assert [record["record"] for record in records].count("detection") == 1
 
 
+def test_what_runs_seldom_is_compiled_for_speed_here_and_for_size_elsewhere(project: Path) -> None:
+    """By `-O1` for this machine, where a program may be larger and its diagnoses are faster; else by `-Os`."""
+    for target, level in (("native", "-O1"), ("aarch64-linux", "-Os"), ("cortex-m7", "-Os")):
+        words = ["make", "-n", "-B", "-C", str(project), f"TARGET={target}", "ZIG=zig"]
+        told = subprocess.run(words, capture_output=True, text=True, env=EMPTY, check=True).stdout
+        (line,) = (line for line in told.splitlines() if "-c library.c" in line)
+        assert level in line.split()
+
+
 def test_targets_of_the_makefile(project: Path) -> None:
     """The Makefile knows each target that the program knows, and refuses others."""
     text = (project / "Makefile").read_text()

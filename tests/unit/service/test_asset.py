@@ -19,7 +19,10 @@ from faultbond.io.row_block import RowBlock
 from faultbond.runtime.names import candidate_names, find_hypothesis
 from faultbond.service.alarm import AlarmState
 from faultbond.service.asset import Asset
+from faultbond.service.asset_status import asset_status
 from faultbond.service.contract.messages import Action, NamedRecord
+from faultbond.service.shown import summary_of
+from faultbond.service.web.shapes import SummaryShape
 from loop_asset import FOUND, MODEL, RECORDING, deed, plant, rows
 
 
@@ -120,6 +123,17 @@ def test_what_is_rejected_leaves_the_others_and_says_so_at_once() -> None:
     assert asset.diagnosis is not None
     assert asset.diagnosis.candidates[0].parameters != best
     assert asset.alarm.active
+
+
+def test_what_was_put_aside_before_any_alarm_has_no_time() -> None:
+    """What is shown of it is of the shape that is described, without an alarm that was never raised."""
+    asset = Asset("loop", plant())
+    passed(asset, rows().part(slice(50)))
+    asset.do(deed(Action.OUT_OF_SERVICE, rows=50), 1)
+    shown = summary_of(asset, asset_status(asset, silence=0.0), since=0.0, now=0.0)
+    told = SummaryShape.model_validate(shown).alarm
+    assert told is not None
+    assert (told.since, told.time) == (None, None)
 
 
 def test_what_cannot_be_done_is_said_in_a_line() -> None:

@@ -78,6 +78,41 @@ def test_large_pieces_go_back_as_soon_as_they_are_free() -> None:
     assert kept[1] < 3e6
 
 
+THREADS = """
+import ctypes, threading
+from faultbond.service.memory import keep_little
+
+if ASKED:
+    keep_little()
+met = threading.Barrier(6)
+
+def work():
+    kept = [bytes(1000 + k) for k in range(1000)]
+    met.wait()
+
+threads = [threading.Thread(target=work) for _ in range(6)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+library = ctypes.CDLL(None)
+library.malloc_info(0, ctypes.c_void_p.in_dll(library, "stdout"))
+library.fflush(None)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
+def test_threads_share_what_is_kept_for_them() -> None:
+    """Six threads have two parts of memory, and not one each."""
+    parts = []
+    for asked in (False, True):
+        program = THREADS.replace("ASKED", str(asked))
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+        parts.append(done.stdout.count("<heap nr="))
+    assert parts[0] > memory.ARENAS
+    assert parts[1] == memory.ARENAS
+
+
 def test_a_library_that_has_no_such_function_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """As where the C library is another one."""
     monkeypatch.setattr("ctypes.CDLL", lambda name: object())

@@ -80,10 +80,13 @@ class HealthShape(Shape):
 
 
 class AlarmShape(Shape):
-    """An alarm. since, shelved_until: Unix s. time, change_time: when raised, and onset, clock of the samples."""
+    """An alarm. since: of its last change, null where none was ever raised; time, change_time: when raised, and onset.
+
+    These are by the clock of the samples; shelved_until: Unix s.
+    """
 
     state: str
-    since: float
+    since: Finite
     acknowledged_by: str | None = None
     shelved_until: Finite = None
     signals: list[str] = []

@@ -115,7 +115,7 @@ export class AssetView {
     renew(this.sentences, { verdict, last: events }, () => [verdict].flat().map((text, k) => make("p", { class: k ? "" : "first" }, text)));
     const facts = [];
     if (alarm) {
-      facts.push(["Alarm", clockText(Math.round(alarm.since))]);
+      if (alarm.since != null) facts.push(["Alarm", clockText(Math.round(alarm.since))]); // none was ever raised where it was only put aside
       if (alarm.change_time != null) facts.push(["Estimated onset", clockText(Math.round(alarm.change_time))]);
       if (alarm.signals.length) facts.push(["Seen in", joined(alarm.signals)]);
     }
