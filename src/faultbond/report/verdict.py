@@ -344,8 +344,9 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
     if off and diagnosis.elsewhere:
         return off  # no suspect changed, so none is near
     if off:  # what comes nearest
-        if len(group) > 1:
-            return f"{off} Nearest come {_listed([set_name(graph, candidate) for candidate in group])}."
+        if len(group) > 1 or diagnosis.unexplained is not None:  # what does not explain the data has no value either
+            named = _listed([set_name(graph, candidate) for candidate in group])
+            return f"{off} Nearest {'comes' if len(group) == 1 else 'come'} {named}."
         changed = (
             "a change" if best.kind in (FaultKind.STEP, FaultKind.RAMP) and not _has_instrument(best) else "a fault"
         )
