@@ -8,7 +8,8 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.errors import GenerationError
-from faultbond.runtime.core import padded
+from faultbond.fit.side_by_side import parts_side_by_side
+from faultbond.runtime.core import LANES, padded
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,11 +29,14 @@ class CompiledLikelihood:
         """
         n, numbers, rows = lanes.shape[1], padded(lanes), np.ascontiguousarray(samples, dtype=np.float64)
         seen = np.empty((len(rows), self.n_seen, numbers.shape[1]))
-        self.library.faultbond_advance(
-            ctypes.c_int64(numbers.shape[1]),
-            ctypes.c_int64(rows.shape[0]),
-            *(ctypes.c_void_p(item.ctypes.data) for item in (rows, numbers, seen)),
-        )
+        sizes = (ctypes.c_int64(item) for item in (numbers.shape[1], len(rows)))
+        shared = (*sizes, *(ctypes.c_void_p(item.ctypes.data) for item in (rows, numbers, seen)))
+
+        def advance_some(first: int) -> None:
+            self.library.faultbond_advance(ctypes.c_int64(first), ctypes.c_int64(first + LANES), *shared)
+
+        for _ in parts_side_by_side(advance_some, range(0, numbers.shape[1], LANES)):
+            pass
         return np.ascontiguousarray(numbers[:, :n]), seen[:, :, :n]
 
 

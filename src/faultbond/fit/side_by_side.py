@@ -1,7 +1,7 @@
 """Calls that do not need each other, as many at a time as there are processors.
 
-Threads do, as compiled code runs without the interpreter's lock, and the recordings of a fit are about as long as each
-other.
+Threads do, as compiled code runs without the interpreter's lock. The recordings of a fit are filtered at once, and so
+are the filters of each, as there may be more processors than recordings, and recordings of other lengths.
 """
 
 import os
@@ -19,6 +19,14 @@ def side_by_side(call: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
     return _pool().map(call, items) if len(items) > 1 and _processors() > 1 else map(call, items)
 
 
+def parts_side_by_side(call: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+    """Give the same of calls that are parts of one that may itself be one of several; they must do without others.
+
+    They have threads of their own: where all of `side_by_side` wait for their parts, these still run.
+    """
+    return _parts().map(call, items) if len(items) > 1 and _processors() > 1 else map(call, items)
+
+
 def in_background(call: Callable[[], R]) -> Callable[[], R]:
     """Begin a call beside what goes on, and give what waits for it; where there is one processor it begins then."""
     return _others().submit(call).result if _processors() > 1 else call
@@ -32,6 +40,11 @@ def _processors() -> int:
 @cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(_processors(), thread_name_prefix="fit")
+
+
+@cache
+def _parts() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(_processors(), thread_name_prefix="part")
 
 
 @cache

@@ -154,13 +154,14 @@ static void update(lanes *FB_RESTRICT lane, const double *FB_RESTRICT row, lanes
     for (int i = 0; i < N_JOINT; i++) lane[i] += shift[i];
 }
 
-/* Take rows [n_rows][N_ROW] into lanes `numbers` [N_NUMBERS][n_lanes], a multiple of FB_LANES, in place; `seen`
-   [n_rows][2 * N_OUTPUTS][n_lanes]. */
-void faultbond_advance(int64_t n_lanes, int64_t n_rows, const double *rows, double *numbers, double *seen)
+/* Take rows [n_rows][N_ROW] into lanes `first` to `end`, a multiple of FB_LANES, of `numbers` [N_NUMBERS][n_lanes], in
+   place; `seen` [n_rows][2 * N_OUTPUTS][n_lanes]. */
+void faultbond_advance(
+    int64_t first, int64_t end, int64_t n_lanes, int64_t n_rows, const double *rows, double *numbers, double *seen)
 {
     Work work;
     lanes found[2 * N_OUTPUTS];
-    for (int64_t first = 0; first < n_lanes; first += FB_LANES) {
+    for (; first < end; first += FB_LANES) {
         work.dt = work.step.dt = NAN;
         for (int64_t i = 0; i < N_NUMBERS; i++) work.lane[i] = load(numbers + i * n_lanes + first);
         for (int64_t t = 0; t < n_rows; t++) {

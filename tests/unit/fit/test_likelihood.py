@@ -53,6 +53,20 @@ def prepared(text: str, points: list[Sample]) -> tuple[FittedPlant, tuple[Health
     return build_fit(model, likelihood_engine(model), core, [("made", points)], free_parameters(graph))
 
 
+def test_filters_at_once_are_those_of_each_alone() -> None:
+    """Whatever the number, also one that fills no register; each from its own start."""
+    plant, (record,), point = prepared(RC, recording())
+    begun = plant.lanes(plant.unknowns.fill(plant.base, point.values)[0][None], point.starts[:1])
+    many = np.repeat(begun, 19, axis=1)
+    many[0] *= np.linspace(0.5, 2.0, 19)
+    ends, seen = plant.engine.advance(many, record.samples)
+    for k in range(19):
+        end, alone = plant.engine.advance(many[:, k : k + 1], record.samples)
+        assert np.array_equal(ends[:, k], end[:, 0])
+        assert np.array_equal(seen[:, :, k], alone[:, :, 0])
+    assert len(np.unique(ends[0])) == 19
+
+
 def dense_likelihood(points: list[Sample], each: float) -> float:
     """Give the likelihood of the readings of `RC` from their joint normal distribution, without a filter.
 

@@ -7,16 +7,18 @@ from time import sleep
 import pytest
 
 from faultbond.fit import side_by_side as module
-from faultbond.fit.side_by_side import in_background, side_by_side
+from faultbond.fit.side_by_side import in_background, parts_side_by_side, side_by_side
 
 
 @pytest.fixture(params=[1, 2])
 def processors(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """So many processors, with a pool of their own."""
     monkeypatch.setattr(module, "_processors", lambda: request.param)
-    module._pool.cache_clear()
+    for pool in (module._pool, module._parts):
+        pool.cache_clear()
     yield request.param
-    module._pool.cache_clear()
+    for pool in (module._pool, module._parts):
+        pool.cache_clear()
 
 
 def test_what_is_given_comes_in_order(processors: int) -> None:
@@ -47,6 +49,18 @@ def test_an_error_is_told_and_the_rest_is_left(processors: int) -> None:
     with pytest.raises(ZeroDivisionError):
         list(side_by_side(call, range(1000)))
     assert len(started) < 1000
+
+
+def test_parts_of_calls_run_while_these_wait_for_them(processors: int) -> None:
+    """Though as many calls wait as there are threads for them; parts that wait for each other end, too."""
+    met = Barrier(2)
+
+    def call(number: int) -> list[int]:
+        return list(parts_side_by_side(lambda part: 10 * number + part, range(3)))
+
+    assert list(side_by_side(call, range(4))) == [[10 * number + part for part in range(3)] for number in range(4)]
+    if processors > 1:
+        assert sorted(parts_side_by_side(lambda _: met.wait(timeout=30.0), range(2))) == [0, 1]
 
 
 def test_what_was_begun_runs_beside_what_goes_on(processors: int) -> None:
