@@ -206,8 +206,8 @@ def sensors(draw: st.DrawFn, signals: list[tuple[str, str]]) -> Mapping:
         bare: Mapping = {"reads": reads, "noise": draw(sizes)}
         trusted = {"suspect": "no"} if draw(st.booleans()) else {}
         lag = {"lag": draw(lags())} if draw(st.booleans()) else {}
-        biased = {"healthy_bias": draw(sizes)} if draw(st.booleans()) else {}
-        found[f"s_{len(found)}"] = draw(st.sampled_from([stated, bare])) | trusted | lag | biased
+        fitted = {"healthy_bias": draw(sizes), "fitted_range": ["-2", "1e3"]} if draw(st.booleans()) else {}
+        found[f"s_{len(found)}"] = draw(st.sampled_from([stated, bare])) | trusted | lag | fitted
     return found
 
 

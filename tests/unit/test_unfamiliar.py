@@ -1,11 +1,12 @@
 """An alarm under an operation that was in no recording of the fit: the verdict says so."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from faultbond.app.unfamiliar import BEFORE, Unfamiliar, unfamiliar_inputs, unfamiliar_sentence
+from faultbond.app.unfamiliar import BEFORE, READ, Unfamiliar, unfamiliar_sentence, unfamiliar_signals
 from faultbond.arrays import FloatArray
 from faultbond.cli import main
 from faultbond.contract.findings import Detection
@@ -15,7 +16,7 @@ from faultbond.io.grid import PointBlock
 from faultbond.model.amend import amended
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
-from faultbond.report.fit_result import with_seen_inputs
+from faultbond.report.fit_result import with_seen_ranges
 from made import EXAMPLES
 
 TEXT = (EXAMPLES / "tank" / "model.yaml").read_text(encoding="utf-8")
@@ -27,15 +28,15 @@ def fitted(ends: str = "[20 percent, 60 percent]") -> BondGraph:
     return parse_model(amended(TEXT, [(("inputs", "u_in", "fitted_range"), ends)]))
 
 
-def course(u_in: FloatArray) -> list[PointBlock]:
-    """Points of 1 s with these openings of the inlet valve, in two blocks."""
+def course(u_in: FloatArray, y: FloatArray | None = None) -> list[PointBlock]:
+    """Points of 1 s with these openings of the inlet valve, and perhaps readings, in two blocks."""
     n = len(u_in)
     whole = PointBlock(
         index=np.arange(n),
         time=np.arange(n, dtype=np.float64),
         dt=np.ones(n),
         u=np.stack([u_in, np.full(n, 99.0)], axis=1),
-        y=np.zeros((n, 2)),
+        y=np.zeros((n, 2)) if y is None else y,
         resumes=np.zeros(n, dtype=bool),
     )
     names = ("index", "time", "dt", "u", "y", "resumes")
@@ -59,8 +60,33 @@ def test_what_was_never_seen_up_to_the_alarm_is_told(first: int, last: int, valu
     """An input beyond where it was in the recordings of the fit, from the onset or shortly before the alarm on."""
     u_in = np.full(600, 40.0)
     u_in[first : last + 1] = value
-    found = unfamiliar_inputs(fitted(), course(u_in), ALARM)
-    assert [(item.input.name, item.value) for item in found] == ([("u_in", value)] if told else [])
+    found = unfamiliar_signals(fitted(), course(u_in), ALARM)
+    assert [(item.signal.name, item.value) for item in found] == ([("u_in", value)] if told else [])
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "value", "told"),
+    [
+        (480 - BEFORE, 479, 9.0, True),
+        (380, 431, 9.0, True),  # most of the readings before the onset
+        (380, 420, 9.0, False),
+        (480, 500, 9.0, False),  # what the fault may have moved
+        (480 - BEFORE, 479, 7.82, False),  # within a twentieth of the range beside it
+        (480 - BEFORE, 479, 6.0, True),
+    ],
+)
+def test_a_sensor_counts_as_it_read_before_anything_changed(first: int, last: int, value: float, told: bool) -> None:
+    """A set point that no input has: of a station fitted at 7.4 to 7.8 kPa, that alarmed at 9 kPa."""
+    graph = parse_model(amended(TEXT, [(("sensors", "pressure", "fitted_range"), "[7 kPa, 7.8 kPa]")]))
+    place = [item.name for item in graph.sensors].index("pressure")
+    y = np.full((600, 2), np.nan)
+    y[:, place] = 7500.0
+    y[first : last + 1, place] = 1000.0 * value
+    found = unfamiliar_signals(graph, course(np.full(600, 40.0), y), ALARM)
+    assert [(item.signal.name, item.value) for item in found] == ([("pressure", 1000.0 * value)] if told else [])
+    y[: 480 - READ + 1, place] = np.nan  # too few readings
+    assert unfamiliar_signals(graph, course(np.full(600, 40.0), y), ALARM) == ()
+    assert unfamiliar_signals(graph, course(np.full(600, 40.0), y), replace(ALARM, change_time=0.0)) == ()
 
 
 def test_the_zero_of_a_unit_is_that_of_its_range() -> None:
@@ -81,7 +107,7 @@ def test_the_zero_of_a_unit_is_that_of_its_range() -> None:
                 resumes=np.zeros(600, dtype=bool),
             )
         ]
-        assert bool(unfamiliar_inputs(graph, points, ALARM)) is told, celsius
+        assert bool(unfamiliar_signals(graph, points, ALARM)) is told, celsius
 
 
 def test_an_onset_long_before_the_alarm_counts_from_there() -> None:
@@ -89,14 +115,14 @@ def test_an_onset_long_before_the_alarm_counts_from_there() -> None:
     u_in = np.full(600, 40.0)
     u_in[250] = 90.0
     early = Detection(time=500.0, sample=500, change_time=200.0, signals=("flow",))
-    assert [item.value for item in unfamiliar_inputs(fitted(), course(u_in), early)] == [90.0]
-    assert unfamiliar_inputs(fitted(), course(u_in), ALARM) == ()
+    assert [item.value for item in unfamiliar_signals(fitted(), course(u_in), early)] == [90.0]
+    assert unfamiliar_signals(fitted(), course(u_in), ALARM) == ()
 
 
 def test_where_nothing_is_known_nothing_is_told() -> None:
     """Of a model that was not fitted, and of inputs that were where they are."""
-    assert unfamiliar_inputs(parse_model(TEXT), course(np.full(600, 90.0)), ALARM) == ()
-    assert unfamiliar_inputs(fitted("[90 percent, 90 percent]"), course(np.full(600, 91.0)), ALARM) == ()
+    assert unfamiliar_signals(parse_model(TEXT), course(np.full(600, 90.0)), ALARM) == ()
+    assert unfamiliar_signals(fitted("[90 percent, 90 percent]"), course(np.full(600, 91.0)), ALARM) == ()
     assert unfamiliar_sentence(()) == ""
 
 
@@ -123,8 +149,18 @@ def test_it_is_read_and_written() -> None:
     for wrong in ("[60 percent, 20 percent]", "[0 percent, inf]"):
         with pytest.raises(ModelError, match="two values in order are expected"):
             fitted(wrong)
-    found = Unfamiliar(input=graph.input("u_in"), value=71.0)
-    assert unfamiliar_sentence([found]).startswith("Up to the alarm u_in was 71 percent (0.2 to 60 percent in the")
+    found = Unfamiliar(signal=graph.input("u_in"), value=71.0)
+    told = unfamiliar_sentence([found])
+    assert told.startswith("Up to the alarm u_in was 71 percent (0.2 to 60 percent in the recordings of the fit): ")
+    assert told.endswith("Fit it to healthy recordings of such operation too.")
+    graph = parse_model(amended(graph.text, [(("sensors", "pressure", "fitted_range"), "[7 kPa, 7.8 kPa]")]))
+    assert parse_model(graph.text).sensors == graph.sensors
+    (sensor,) = (item for item in graph.sensors if item.name == "pressure")
+    assert sensor.fitted_range == (7000.0, 7800.0)
+    told = unfamiliar_sentence([found, Unfamiliar(signal=sensor, value=9000.0)])
+    both = "recordings of the fit) and before anything changed pressure read 9000 Pa (7000 to 7800 Pa in the "
+    assert both in told
+    assert told.endswith("If the plant was healthy then, fit the model to such recordings too.")
 
 
 def test_what_is_beyond_the_range_of_an_input_was_nowhere() -> None:
@@ -133,7 +169,7 @@ def test_what_is_beyond_the_range_of_an_input_was_nowhere() -> None:
     graph = parse_model(text)
     rows = [(30.04, 0.0), (-999.0, 0.0), (np.nan, 0.0), (72.0, 0.0)]
     read = [[Sample(time=float(k), dt=1.0, u=np.array(u), y=np.zeros(2)) for k, u in enumerate(rows)]]
-    seen = parse_model(with_seen_inputs(text, graph, read))
+    seen = parse_model(with_seen_ranges(text, graph, read))
     assert seen.input("u_in").fitted_range == pytest.approx((30.0, 72.0))
     assert seen.input(graph.inputs[1].name).fitted_range == (0.0, 0.0)
-    assert parse_model(with_seen_inputs(text, graph, [read[0][1:3]])).input("u_in").fitted_range is None
+    assert parse_model(with_seen_ranges(text, graph, [read[0][1:3]])).input("u_in").fitted_range is None

@@ -157,9 +157,9 @@ def identified(
     read = tuple((str(name), read_points(graph, name, warn)) for name in recordings)
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - needed here alone
 
-    from faultbond.report.fit_result import with_seen_inputs  # noqa: PLC0415 - loads rich
+    from faultbond.report.fit_result import with_seen_ranges  # noqa: PLC0415 - loads rich
 
-    text = with_seen_inputs(document.text, graph, (points for _, points in read))
+    text = with_seen_ranges(document.text, graph, (points for _, points in read))
     graph = parse_model(text, file=graph.file)
     _doubt_starts(graph, read, warn)
     with threadpool_limits(1):  # matrices are small here, and threads would only wait

@@ -33,12 +33,11 @@ def markers_in(graph: BondGraph, points: Iterable[PointBlock]) -> tuple[Marker, 
     graph : the plant
     points : of the recording
     """
-    columns: tuple[Input | Sensor, ...] = (*graph.inputs, *graph.sensors)
-    ends: list[dict[float, int]] = [{} for _ in columns]
+    ends: list[dict[float, int]] = [{} for _ in graph.instruments]
     for block in points:
         for of, values in zip(ends, np.concatenate([block.u, block.y], axis=1).T, strict=True):
             _take(of, values)
-    found = (_marker(item, of) for item, of in zip(columns, ends, strict=True))
+    found = (_marker(item, of) for item, of in zip(graph.instruments, ends, strict=True))
     return tuple(item for item in found if item is not None)
 
 

@@ -178,7 +178,7 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
 
     from faultbond.app.markers import marker_sentence, markers_in  # noqa: PLC0415 - after an alarm only
     from faultbond.app.stated_starts import SOUGHT, contradictions, start_sentence  # noqa: PLC0415 - after an alarm only
-    from faultbond.app.unfamiliar import unfamiliar_inputs, unfamiliar_sentence  # noqa: PLC0415 - after an alarm only
+    from faultbond.app.unfamiliar import unfamiliar_sentence, unfamiliar_signals  # noqa: PLC0415 - after an alarm only
     from faultbond.app.unit_guess import guess_units, sentence_of  # noqa: PLC0415 - loads the units
     from faultbond.report.doubts import active_sentence, hidden_sentence  # noqa: PLC0415 - after an alarm only
 
@@ -187,7 +187,7 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
 
     with suppress(RecordingError):  # it was read before: what has become of it since is no matter of this run
         told = sentence_of(guess_units(iter(watcher.unnamed, None), points(), alarm))
-        stood = unfamiliar_sentence(unfamiliar_inputs(plant.graph, points(), alarm))
+        stood = unfamiliar_sentence(unfamiliar_signals(plant.graph, points(), alarm))
         marked = marker_sentence(markers_in(plant.graph, points()))
         hidden = hidden_sentence(watcher.spec)
         first = tuple(map(sample_of, islice((point for block in points() for point in block.points()), SOUGHT)))

@@ -1,30 +1,34 @@
-"""Inputs that stood, at an alarm, where they never were in the recordings to which the model was fitted."""
+"""Inputs and sensors that stood, at an alarm, where they never were in the recordings to which the model was fitted."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from faultbond.arrays import FloatArray
 from faultbond.contract.findings import Detection
 from faultbond.io.grid import PointBlock
-from faultbond.model.graph import BondGraph, Input
+from faultbond.model.graph import BondGraph, Input, Sensor
 from faultbond.report.numbers import figure, join, unit_text
 
-BEYOND = 0.05  # of its range in these recordings by which an input must lie beyond it
+BEYOND = 0.05  # of its range in these recordings by which an input or sensor must lie beyond it
 LEAST = 0.02  # of its largest value there in its own unit, at least
-BEFORE = 100  # samples before the alarm in which that counts, and all from the onset on
+BEFORE = 100  # samples before the alarm in which that counts of an input, and all from the onset on
+READ = 10  # of as many before the onset that a sensor must have read
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unfamiliar:
-    """An input, and the value that was farthest from where it had been, SI."""
+    """An input, and the value that was farthest from where it had been, SI; or a sensor, and what it usually read."""
 
-    input: Input
+    signal: Input | Sensor
     value: float
 
 
-def unfamiliar_inputs(graph: BondGraph, points: Iterable[PointBlock], alarm: Detection) -> tuple[Unfamiliar, ...]:
-    """Give inputs that stood where they never were in the recordings of the fit; none where that is not known.
+def unfamiliar_signals(graph: BondGraph, points: Iterable[PointBlock], alarm: Detection) -> tuple[Unfamiliar, ...]:
+    """Give what stood where it never was in the recordings of the fit; none where that is not known.
+
+    A fault moves sensors, so of these only what they read before its onset counts, of inputs all up to the alarm.
 
     Parameters
     ----------
@@ -32,48 +36,66 @@ def unfamiliar_inputs(graph: BondGraph, points: Iterable[PointBlock], alarm: Det
     points : of the recording, from its beginning
     alarm : the first one
     """
-    known = [(k, item) for k, item in enumerate(graph.inputs) if item.fitted_range is not None]
-    if not known:
+    if all(item.fitted_range is None for item in graph.instruments):
         return ()
-    u = _about(points, alarm)
-    found = []
-    for k, item in known:
-        lower, upper = item.fitted_range or (0.0, 0.0)
-        zero = item.unit.offset  # 20 degC are 20, not 293
-        room = max(BEYOND * (upper - lower), LEAST * max(abs(lower - zero), abs(upper - zero)))
-        seen = u[np.isfinite(u[:, k]), k]
-        off = np.maximum(lower - seen, seen - upper)
-        if len(seen) and off.max() > room:
-            found.append(Unfamiliar(input=item, value=float(seen[np.argmax(off)])))
-    return tuple(found)
+    u, y = _about(points, alarm)
+    found = [_farthest(item, u[np.isfinite(u[:, k]), k]) for k, item in enumerate(graph.inputs)]
+    for k, sensor in enumerate(graph.sensors):
+        read = y[np.isfinite(y[:, k]), k]
+        found.append(_farthest(sensor, np.array([np.median(read)] if len(read) >= READ else [])))
+    return tuple(item for item in found if item is not None)
+
+
+def _farthest(item: Input | Sensor, seen: FloatArray) -> Unfamiliar | None:
+    """Give what of some values (n,), SI, is clearly beyond where it was, and farthest; None: none is."""
+    if item.fitted_range is None or not len(seen):
+        return None
+    lower, upper = item.fitted_range
+    zero = item.unit.offset  # 20 degC are 20, not 293
+    room = max(BEYOND * (upper - lower), LEAST * max(abs(lower - zero), abs(upper - zero)))
+    off = np.maximum(lower - seen, seen - upper)
+    return Unfamiliar(signal=item, value=float(seen[np.argmax(off)])) if off.max() > room else None
 
 
 def unfamiliar_sentence(found: Sequence[Unfamiliar]) -> str:
     """Say what was never compared with the plant; empty where nothing is."""
-    if not found:
+    inputs, sensors = ([item for item in found if isinstance(item.signal, kind)] for kind in (Input, Sensor))
+    told = [f"up to the alarm {join([_words(item, 'was') for item in inputs])}"] if inputs else []
+    told += [f"before anything changed {join([_words(item, 'read') for item in sensors])}"] if sensors else []
+    if not told:
         return ""
+    where = join(told)
     return (
-        f"Up to the alarm {join([_words(item) for item in found])}: there the model was never compared with the plant, "
-        "and what it gets wrong looks like a fault. Fit it to healthy recordings of such operation too."
+        f"{where[:1].upper()}{where[1:]}: there the model was never compared with the plant, and what it gets wrong "
+        "looks like a fault. "
+        + (
+            "If the plant was healthy then, fit the model to such recordings too."
+            if sensors
+            else "Fit it to healthy recordings of such operation too."
+        )
     )
 
 
-def _words(found: Unfamiliar) -> str:
-    item, unit = found.input, found.input.unit
+def _words(found: Unfamiliar, verb: str) -> str:
+    item, unit = found.signal, found.signal.unit
     lower, upper = (figure(unit.from_si(end), digits=3).number() for end in item.fitted_range or (0.0, 0.0))
     text = unit_text(unit.text)
     value = f"{figure(unit.from_si(found.value), digits=3).number()} {text}".rstrip()
-    return f"{item.name} was {value} ({f'{lower} to {upper} {text}'.rstrip()} in the recordings of the fit)"
+    return f"{item.name} {verb} {value} ({f'{lower} to {upper} {text}'.rstrip()} in the recordings of the fit)"
 
 
-def _about(points: Iterable[PointBlock], alarm: Detection) -> np.ndarray:
-    """Give the inputs from the onset, or some samples before the alarm, up to it, (n, n_inputs)."""
-    parts = []
+def _about(points: Iterable[PointBlock], alarm: Detection) -> tuple[FloatArray, FloatArray]:
+    """Give inputs from the onset, or some samples before the alarm, up to it, (n, n_inputs); sensors before the onset.
+
+    These (m, n_sensors), at most BEFORE rows.
+    """
+    parts, before = [], list[FloatArray]()
     for block in points:
         counts = (block.index <= alarm.sample) & (
             (block.index > alarm.sample - BEFORE) | (block.time >= alarm.change_time)
         )
         parts.append(block.u[counts])
+        before = [np.concatenate([*before, block.y[block.time < alarm.change_time]])[-BEFORE:]]
         if len(block) and block.index[-1] > alarm.sample:
             break
-    return np.concatenate(parts)
+    return np.concatenate(parts), before[0]

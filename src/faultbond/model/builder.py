@@ -175,11 +175,13 @@ class ModelBuilder:
         suspect: bool | None = None,
         valid_when: Scalar | Fields | None = None,
         healthy_bias: Scalar | None = None,
+        fitted_range: Sequence[Scalar] | None = None,
     ) -> Self:
         """Add a measured output: a law of signals, and the standard deviation of its noise (static networks: 0)."""
         fields: Fields = {"reads": reads, "unit": unit, "noise": noise, "lag": lag, "column": column}
         fields = {**fields, "range": range, "suspect": suspect, "valid_when": valid_when}
-        return self._add("sensors", name, {**fields, "healthy_bias": healthy_bias})
+        fitted = {"healthy_bias": healthy_bias, "fitted_range": fitted_range}
+        return self._add("sensors", name, {**fields, **fitted})
 
     def slow_error(
         self,

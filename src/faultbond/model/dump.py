@@ -162,8 +162,6 @@ class _Writer:
         texts["noise_of"] = keys.NOISES_OF[1] if item.smooth else ""
         texts["hold"] = "" if item.hold is usual else item.hold.value
         texts["rate_limit"] = self.rate_limit(self.parameters[item.rate_limit]) if item.rate_limit else ""
-        ends = [_value(end, item.unit) for end in item.fitted_range or ()]
-        texts["fitted_range"] = f"[{', '.join(ends)}]" if ends else ""
         return _flow(texts, keys.INPUT_KEYS)
 
     def unknown(self, item: Constant) -> str:
@@ -177,6 +175,7 @@ class _Writer:
 
     def instrument(self, item: Input | Sensor) -> dict[str, str]:
         """Give what inputs and sensors share."""
+        ends = [_value(end, item.unit) for end in item.fitted_range or ()]
         has_column, reach = self.stated("column", item.name, is_default=item.column == item.name), _range(item)
         return {
             "unit": item.unit.text,
@@ -186,6 +185,7 @@ class _Writer:
             "range": "" if reach == "any" else reach,
             "suspect": "" if item.suspect or self.static else "no",
             "healthy_bias": _difference(item.healthy_bias, item.unit) if item.healthy_bias else "",
+            "fitted_range": f"[{', '.join(ends)}]" if ends else "",
         }
 
     def rate_limit(self, item: Parameter) -> str:

@@ -246,6 +246,7 @@ class Sensor:
     valid_when : when it reads as stated, beside what holds of the whole model; None: always
     suspect : whether it may fail; always False where there is no time
     healthy_bias : standard deviation of the bias that is found of it on healthy data, SI; 0 where that is not known
+    fitted_range : where it was in the recordings of a fit, SI; None where that is not known
     """
 
     name: str
@@ -261,6 +262,7 @@ class Sensor:
     valid_when: Validity | None = None
     suspect: bool = True
     healthy_bias: float = 0.0
+    fitted_range: tuple[float, float] | None = None
     line: int = 0
 
     @property
@@ -374,6 +376,11 @@ class BondGraph:
     signal_units: tuple[tuple[str, str], ...] = ()  # SI units of signals of laws, where laws and units fix them
     file: str = "model"
     text: str = ""  # canonical model text, the source of `sha256`
+
+    @property
+    def instruments(self) -> tuple[Input | Sensor, ...]:
+        """What a recording has a column of: inputs, then sensors."""
+        return (*self.inputs, *self.sensors)
 
     @property
     def wanders(self) -> tuple[SlowError, ...]:

@@ -152,6 +152,10 @@ VALID_KEYS = Keys(
 )
 _PARAMETERS = Key(_named(PARAMETER_KEYS), "numbers that a fault may change")
 _HEALTHY_BIAS = Key(VALUE, "standard deviation of the bias that is found of it on healthy data; `fit` writes it")
+_FITTED_RANGE = Key(
+    {"description": "", "type": "array", "items": VALUE, "minItems": 2, "maxItems": 2},
+    "where it was in the recordings of the fit, `[lowest, highest]`; `fit` writes it",
+)
 INPUT_KEYS = Keys(
     {
         "unit": Key(TEXT, f"{_UNIT}, such as `percent`; `logic` for 0 and 1"),
@@ -175,10 +179,7 @@ INPUT_KEYS = Keys(
         ),
         "usual": Key(VALUE, "of an unknown input: the value about which it moves; default 0"),
         "healthy_bias": _HEALTHY_BIAS,
-        "fitted_range": Key(
-            {"description": "", "type": "array", "items": VALUE, "minItems": 2, "maxItems": 2},
-            "where it was in the recordings of the fit, `[lowest, highest]`; `fit` writes it",
-        ),
+        "fitted_range": _FITTED_RANGE,
         "suspect": Key(YES_NO, "`no` trusts the input"),
     },
     may_be_empty=True,
@@ -240,6 +241,7 @@ SENSOR_KEYS = Keys(
         "range": Key(RANGE, "measuring range; a value at an end or beyond is not used; default any"),
         "valid_when": Key(VALID_KEYS, "condition under which it reads as stated; else it is not used"),
         "healthy_bias": _HEALTHY_BIAS,
+        "fitted_range": _FITTED_RANGE,
         "suspect": Key(YES_NO, "`no` trusts the sensor"),
     }
 )

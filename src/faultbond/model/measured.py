@@ -14,7 +14,15 @@ from faultbond.model.quantities import NO_UNIT, Spread, shared_factor, spread, s
 from faultbond.model.source import closest, shown
 from faultbond.model.spot import Spot
 from faultbond.model.units import Measure
-from faultbond.model.values import ValueReader, read_column, read_healthy_bias, read_instrument, read_reach, read_unit
+from faultbond.model.values import (
+    ValueReader,
+    read_column,
+    read_fitted_range,
+    read_healthy_bias,
+    read_instrument,
+    read_reach,
+    read_unit,
+)
 from faultbond.types import CheckKind
 
 
@@ -107,6 +115,7 @@ class MeasuredReader:
             upper=upper,
             suspect=read_instrument(self.head, fields),
             healthy_bias=read_healthy_bias(fields, self.units[name]),
+            fitted_range=read_fitted_range(fields, end),
             line=place.line,
         )
 

@@ -181,16 +181,9 @@ class ValueReader:
             upper=upper,
             suspect=read_instrument(self.head, fields),
             healthy_bias=read_healthy_bias(fields, found),
-            fitted_range=self._fitted_range(fields["fitted_range"], found) if "fitted_range" in fields else None,
+            fitted_range=read_fitted_range(fields, lambda end: self._end(end, found)),
             line=place.line,
         )
-
-    def _fitted_range(self, place: Spot, unit: Measure | None) -> tuple[float, float]:
-        """Give where an input was in the recordings of a fit, SI."""
-        lower, upper = (self._end(end, unit) for end in place.ends())
-        if not -math.inf < lower <= upper < math.inf:
-            raise place.error(": two values in order are expected, as in `[20 percent, 85 percent]`; mend one")
-        return lower, upper
 
     def _is_smooth(self, place: Spot, noise: float) -> bool:
         """Whether the noise of an input is that of its record."""
@@ -438,6 +431,23 @@ def read_healthy_bias(fields: Mapping[str, Spot], unit: Measure | None) -> float
     size = fields["healthy_bias"].spread(unit, sized=True).difference()
     fields["healthy_bias"].check_size(size)
     return size
+
+
+def read_fitted_range(fields: Mapping[str, Spot], read: Callable[[Spot], float]) -> tuple[float, float] | None:
+    """Give where an input or sensor was in the recordings of a fit, SI; None where none is stated; `read` gives an end.
+
+    Raises
+    ------
+    ModelError
+        where they are not two values in order.
+    """
+    if "fitted_range" not in fields:
+        return None
+    place = fields["fitted_range"]
+    lower, upper = (read(end) for end in place.ends())
+    if not -math.inf < lower <= upper < math.inf:
+        raise place.error(": two values in order are expected, as in `[20 percent, 85 percent]`; mend one")
+    return lower, upper
 
 
 def read_reach(head: Head, fields: Mapping[str, Spot], read: Callable[[Spot], float]) -> tuple[float, float]:

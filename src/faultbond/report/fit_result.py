@@ -208,22 +208,22 @@ class Fitted:
             raise ModelError(f"{refusal} without changing the rest")
 
 
-def with_seen_inputs(text: str, graph: BondGraph, read: Iterable[Sequence[Sample]]) -> str:
-    """Give the text of a model file with where each input is in recordings, which are grid points.
+def with_seen_ranges(text: str, graph: BondGraph, read: Iterable[Sequence[Sample]]) -> str:
+    """Give the text of a model file with where each input and sensor is in recordings, which are grid points.
 
-    What lies outside of its `range` is wrong. An input without a value stays as it was: a fit refuses it.
+    What lies outside of its `range` is wrong. What has no value stays as it was: a fit refuses it.
     """
-    courses = np.array([point.u for points in read for point in points])
+    courses = np.array([(*point.u, *point.y) for points in read for point in points])
     told = []
-    for k, item in enumerate(graph.inputs):
-        u = courses[(item.lower <= courses[:, k]) & (courses[:, k] <= item.upper) & np.isfinite(courses[:, k]), k]
-        if not len(u):
+    for k, item in enumerate(graph.instruments):
+        seen = courses[(item.lower <= courses[:, k]) & (courses[:, k] <= item.upper) & np.isfinite(courses[:, k]), k]
+        if not len(seen):
             continue
-        lower, upper = (item.unit.from_si(float(end)) for end in (u.min(), u.max()))
+        lower, upper = (item.unit.from_si(float(end)) for end in (seen.min(), seen.max()))
         step = 10.0 ** (math.floor(math.log10(max(abs(lower), abs(upper)))) - 2) if lower or upper else 1.0
         ends = (math.floor(lower / step) * step, math.ceil(upper / step) * step)
         value = f"[{', '.join(_joined(f'{end:.6g}', item.unit) for end in ends)}]"
-        told.append((("inputs", item.name, "fitted_range"), value))
+        told.append((("inputs" if k < len(graph.inputs) else "sensors", item.name, "fitted_range"), value))
     return amended(text, told, graph.file)
 
 

@@ -12,7 +12,7 @@ from faultbond.contract.spec import EngineSpec
 from faultbond.fit.false_alarms import FARTHEST, SENSOR
 from faultbond.fit.lack_of_fit import Region
 from faultbond.fit.trial import FACTORS, Health
-from faultbond.model.graph import BondGraph, Input, Sensor, Unit
+from faultbond.model.graph import BondGraph, Input, Unit
 from faultbond.report.console import headline, lines, table, title, under
 from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, recording_text, unit_text
 from faultbond.report.suspects import cure_of_walk
@@ -158,8 +158,7 @@ def _hints(graph: BondGraph, found: Health) -> Iterator[str]:
 
 def _longer(graph: BondGraph, name: str) -> str:
     """Name the lag of an input or a sensor that may be what is missing."""
-    instruments: list[Input | Sensor] = [*graph.inputs, *graph.sensors]
-    known = next(item for item in instruments if item.name == name)
+    known = next(item for item in graph.instruments if item.name == name)
     if not known.lag:
         return f"a `lag:` {'or a `rate_limit:` ' if isinstance(known, Input) else ''}of {name}"
     longer = f"a longer `lag:` of {name} than {duration_text(graph.parameter(known.lag).nominal)}"

@@ -17,7 +17,7 @@ from faultbond.equations.passivity import active_elements
 from faultbond.equations.sequence import Loop
 from faultbond.equations.step import MAX_SUBSTEPS, NEWTON_STEPS, StepModel
 from faultbond.model.expression import names, rename
-from faultbond.model.graph import BondGraph, Check, Component, Curve, Input, Parameter, Relation, Sensor, Unit, Validity
+from faultbond.model.graph import BondGraph, Check, Component, Curve, Parameter, Relation, Sensor, Unit, Validity
 from faultbond.model.keys import BETWEEN, BEYOND, NOISES_OF
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title, under
@@ -500,10 +500,9 @@ def _instruments(graph: BondGraph) -> Iterator[tuple[str, str]]:
     if ranges:
         yield "range", "; ".join(ranges)
     if graph.grid is not TimeGrid.NONE:
-        instruments: list[Input | Sensor] = [*graph.inputs, *graph.sensors]
-        trusted = [item.name for item in instruments if not item.suspect]
+        trusted = [item.name for item in graph.instruments if not item.suspect]
         some = ", ".join(trusted) or "none of the inputs and sensors: each may fail"
-        yield "trusted", "all inputs and sensors" if len(trusted) == len(instruments) else some
+        yield "trusted", "all inputs and sensors" if len(trusted) == len(graph.instruments) else some
 
 
 def _check_row(item: Check, graph: BondGraph) -> tuple[str, str, str]:

@@ -26,8 +26,7 @@ def lag_lines(graph: BondGraph, spec: EngineSpec) -> Iterator[tuple[str, str]]:
     early = [item.name for item in graph.inputs if item.hold is Hold.NEXT]
     if early:
         yield "hold", f"{', '.join(early)}: as in the next row"
-    instruments: list[Input | Sensor] = [*graph.inputs, *graph.sensors]
-    lagging = [item for item in instruments if item.lag]
+    lagging = [item for item in graph.instruments if item.lag]
     if lagging:
         yield "lag", ", ".join(_lag(graph, item) for item in lagging)
     direct = {k for item in spec.outputs for k in item.direct_inputs if not spec.inputs[k].settling}

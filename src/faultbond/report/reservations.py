@@ -220,7 +220,7 @@ def _model_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) ->
     It is said where something speaks for that: nothing explains the data, or the alarm came before the model had been
     seen to fit for long.
     """
-    was_fitted = any(item.fitted_range is not None for item in graph.inputs)
+    was_fitted = any(item.fitted_range is not None for item in graph.instruments)
     is_soon = began.sample < LITTLE_SEEN
     speaks = is_soon or diagnosis.unexplained is not None
     if was_fitted or diagnosis.mismatch or not speaks or graph.grid is TimeGrid.NONE:

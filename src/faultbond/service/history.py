@@ -25,7 +25,7 @@ from faultbond.io.out import Out
 from faultbond.io.recording import write_recording
 from faultbond.io.row_block import RowBlock
 from faultbond.model.document import ModelDocument
-from faultbond.model.graph import BondGraph, Input, Sensor, Unit
+from faultbond.model.graph import BondGraph, Unit
 from faultbond.model.text import parse_model
 from faultbond.report.numbers import clock_text, probability_text
 from faultbond.service.contract.messages import DECISIONS, Action, AuditEntry, Deed, NamedRecord
@@ -154,8 +154,7 @@ def columns_in_units(graph: BondGraph, log: Iterable[RowBlock | Deed]) -> dict[s
     columns = {}
     if graph.time.column is not None:
         columns[graph.time.column] = _in_unit(rows.time, graph.time.unit)
-    instruments: tuple[Input | Sensor, ...] = (*graph.inputs, *graph.sensors)
-    for item, values in zip(instruments, np.hstack([rows.u, rows.y]).T, strict=True):
+    for item, values in zip(graph.instruments, np.hstack([rows.u, rows.y]).T, strict=True):
         columns[item.column] = _in_unit(values, item.unit)
     return columns
 

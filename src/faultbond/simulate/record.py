@@ -8,7 +8,7 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.equations.plant import Plant, build_plant
 from faultbond.errors import ModelError
-from faultbond.model.graph import BondGraph, Input, Sensor
+from faultbond.model.graph import BondGraph
 from faultbond.simulate.instruments import Instruments, instruments
 from faultbond.simulate.integrate import Caller, IntegrationMethod, Integrator, Segments
 from faultbond.simulate.truth import (
@@ -205,8 +205,7 @@ def columns(graph: BondGraph, simulation: Simulation, *, digits: int | None = No
     table: dict[str, FloatArray] = {}
     if graph.time.column is not None:
         table[graph.time.column] = (simulation.time - graph.time.unit.offset) / graph.time.unit.factor
-    named: list[Input | Sensor] = [*graph.inputs, *graph.sensors]
-    for item, values in zip(named, np.hstack([simulation.inputs, simulation.outputs]).T, strict=True):
+    for item, values in zip(graph.instruments, np.hstack([simulation.inputs, simulation.outputs]).T, strict=True):
         shown = (values - item.unit.offset) / item.unit.factor
         table[item.column] = shown if digits is None else np.array([float(f"{v:.{digits}g}") for v in shown])
     return table
