@@ -51,6 +51,8 @@ class Footing:
     trained, few, held : logarithms of the likelihood of recordings fitted, of the few that compare, and held back
     unknown : mean logarithm of the standard errors of the parameters
     settled : whether the climb that led there had come to rest
+    bent : of each curve that was sought, what the recordings that are fitted would lose without it, nats, if the hill
+    were as it looks from its top (Wald's test)
     fit : gives what the recordings that are fitted say of it, with all that was added as it stands
     """
 
@@ -63,6 +65,7 @@ class Footing:
     held: float = 0.0
     unknown: float = 0.0
     settled: bool = True
+    bent: Mapping[tuple[Kind, str], float] = field(default_factory=dict)
     innovations: tuple[FloatArray, ...] = ()
     expected: tuple[FloatArray, ...] = ()
     ways: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))

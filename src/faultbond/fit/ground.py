@@ -309,7 +309,7 @@ class Ground:
         summit = ascend(plant, records, begin, wide, anchor=anchor, turns=TURNS, finish=finish)
         found = unknowns.fill(plant.base, summit.point.values)[0]
         ahead = foretold(plant, search.held, self.begin_of(search.held, search.begin_held), found)
-        stood = self._stood(stand, opened, found, summit, evidence_of(ahead))
+        stood = self._stood(stand, opened, unknowns, found, summit, evidence_of(ahead))
         seen = score_recordings(all_known(plant, found), records, replace(summit.point, values=np.zeros(0)))
         stood = replace(stood, few=evidence_of(seen[: len(search.few)]))
         stood = stood if few else self._seen(stood, found, summit, seen)
@@ -320,7 +320,13 @@ class Ground:
         return replace(stood, added=(*stood.added, *gained))
 
     def _stood(
-        self, stand: Footing, opened: Sequence[Imperfection], q: FloatArray, summit: Summit, held: float
+        self,
+        stand: Footing,
+        opened: Sequence[Imperfection],
+        unknowns: Unknowns,
+        q: FloatArray,
+        summit: Summit,
+        held: float,
     ) -> Footing:
         layout, search = self.layout, self.search
         noise = np.exp(q[layout.n_p : layout.n_p + layout.n_y])
@@ -331,6 +337,8 @@ class Ground:
         n_theta = len([item for item in search.parameters if item[1].name not in search.own])
         unknown = float(np.mean(np.log(np.maximum(spread[:n_theta], 1e-300)))) / 2.0 if n_theta else 0.0
         by_key = {item.key: item for item in sizes}
+        places = {item.name: k for k, item in enumerate(unknowns.parameters)}
+        curves = [(item.key, places[parameter_name(item)]) for item in opened if item.kind in CURVES]
         errors = enumerate(search.graph.slow_errors, start=layout.first_noise + layout.n_y)
         values = {}
         for item, factor in zip(self.graph.parameters, q[: layout.n_p].tolist(), strict=True):
@@ -344,6 +352,7 @@ class Ground:
             held=held if np.isfinite(summit.evaluation.value) else -np.inf,
             unknown=unknown,
             settled=summit.settled,
+            bent={key: 0.5 * float(summit.point.values[k] ** 2 / spread[k]) for key, k in curves},
             added=tuple(replace(item, what=by_key[item.what.key]) for item in stand.added),
         )
 

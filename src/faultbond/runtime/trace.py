@@ -14,8 +14,9 @@ from faultbond.contract.spec import EngineSpec
 
 LASTING = 5  # diagnoses that did not explain the data, from which on that is more than a moment
 MAX_DIAGNOSES = 500  # kept; of a longer run every second one, then every fourth, and so on
+MOST_SHOWN = 120  # the same of a run without end, since its last alarm
 MAX_EVENTS = 100  # alarms, and decisions of each kind, kept of a run without end
-LEAST = 1e-3  # probability of candidates that are kept of its earlier diagnoses; below, a curve shows nothing
+LEAST = 5e-3  # probability of candidates that are kept of its earlier diagnoses; below, a curve shows nothing
 
 
 class Misfits:
@@ -124,7 +125,7 @@ class Trace:
         if self._last is None or not self._curves or (self._passed - 1) % self._stride:
             return
         self._diagnoses.append(self._last if self._newest is None else _leading(self._last))
-        if len(self._diagnoses) > MAX_DIAGNOSES:
+        if len(self._diagnoses) > (MAX_DIAGNOSES if self._newest is None else MOST_SHOWN):
             del self._diagnoses[1::2]
             self._stride *= 2
 
@@ -174,8 +175,9 @@ class Trace:
 
 
 def _leading(diagnosis: Diagnosis) -> Diagnosis:
-    """Give a diagnosis without candidates that no curve shows."""
-    return replace(diagnosis, candidates=tuple(item for item in diagnosis.candidates if item.probability >= LEAST))
+    """Give a diagnosis without candidates that no curve shows, and without advice, which is of now."""
+    shown = tuple(item for item in diagnosis.candidates if item.probability >= LEAST)
+    return replace(diagnosis, candidates=shown, advice=())
 
 
 def _earlier(values: FloatArray, lag: int) -> FloatArray:

@@ -6,10 +6,20 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from faultbond.contract.findings import Candidate, Decider, Decision, Detection, Diagnosis, Suspect, Unexplained
+from faultbond.contract.findings import (
+    Advice,
+    Candidate,
+    Decider,
+    Decision,
+    Detection,
+    Diagnosis,
+    Suspect,
+    Unexplained,
+)
 from faultbond.contract.samples import STATUSES, Reports, Samples, Status
 from faultbond.contract.spec import EngineSpec, InputSpec, OutputSpec, SlowErrorSpec, Thresholds
-from faultbond.runtime.trace import LASTING, LEAST, MAX_DIAGNOSES, MAX_EVENTS, Trace
+from faultbond.runtime.trace import LASTING, LEAST, MAX_DIAGNOSES, MAX_EVENTS, MOST_SHOWN, Trace
+from faultbond.types import CheckKind
 
 SPEC = EngineSpec(
     model="m",
@@ -31,6 +41,7 @@ SPEC = EngineSpec(
     hypotheses=(),
     thresholds=Thresholds(),
 )
+ADVICE = (Advice(kind=CheckKind.COMPONENT, target="pipe", gain=0.9, cost=1.0, separates=()),)
 
 
 def samples(first: int, last: int) -> Samples:
@@ -128,15 +139,16 @@ def test_detections_and_diagnoses_are_kept_in_order() -> None:
     assert [item.time for item in history.diagnoses] == [1.0, 2.0]
 
 
-def test_diagnoses_of_a_long_run_are_thinned() -> None:
+@pytest.mark.parametrize(("newest", "most"), [(None, MAX_DIAGNOSES), (10, MOST_SHOWN)])
+def test_diagnoses_of_a_long_run_are_thinned(newest: int | None, most: int) -> None:
     """However long a run is, a bounded number of evenly spaced diagnoses is kept, the last one always."""
-    trace = Trace(SPEC)
-    for k in range(4 * MAX_DIAGNOSES + 3):
+    trace = Trace(SPEC, newest=newest)
+    for k in range(4 * most + 3):
         trace.conclude(diagnosis(k))
     times = [item.time for item in trace.history().diagnoses]
-    assert MAX_DIAGNOSES / 2 < len(times) <= MAX_DIAGNOSES + 1
+    assert most / 2 < len(times) <= most + 1
     assert times[0] == 0.0
-    assert times[-1] == 4 * MAX_DIAGNOSES + 2
+    assert times[-1] == 4 * most + 2
     assert len(set(np.diff(times[:-1]))) == 1
 
 
@@ -168,10 +180,12 @@ def test_of_earlier_diagnoses_what_a_curve_shows_is_kept() -> None:
     for newest, kept in ((10, 3), (None, 5)):
         trace = Trace(SPEC, newest=newest)
         for k in range(3):
-            trace.conclude(Diagnosis(time=float(k), candidates=ranked))
+            trace.conclude(Diagnosis(time=float(k), candidates=ranked, advice=ADVICE))
         first, second, last = trace.history().diagnoses
         assert first.candidates == second.candidates == ranked[:kept]
+        assert first.advice == (() if newest else ADVICE)
         assert last.candidates == ranked
+        assert last.advice == ADVICE
 
 
 def test_without_curves_memory_is_fixed() -> None:
