@@ -29,6 +29,7 @@ PROMISING = 0.15  # of what the best would gain with all else as it stands; what
 WORTHY = 0.1  # of the best gain; what gains as much may be kept with the best
 BESIDE = 0.5  # of what others gain alone they gain beside the best where each has a cause of its own
 MOST_BESIDE = 3  # kept in a round
+SURE = 100.0  # nats; of a curve that is worth as much where fitted, what is held back loses more than too little
 
 
 def better(search: Search, stand: Footing) -> Footing | None:
@@ -257,13 +258,18 @@ def _joint(search: Search, stand: Footing, best: Footing, others: Sequence[Footi
 
 
 def _without_needless(search: Search, stand: Footing, found: Footing, more: Sequence[Added]) -> Footing:
-    """Give a footing without its slow error where lags, holds and curves foretell as much alone, and such a curve."""
+    """Give a footing without its slow error where lags, holds and curves foretell as much alone, and such a curve.
+
+    A curve is left out to see, but where the hill is so steep that it is clear what would come of that.
+    """
     definite = [item for item in more if item.what.is_definite]
     needless = [more[0]] if more[0].what.is_slow and len(definite) == len(more) - 1 else []
     for item in (*needless, *(item for item in more[1:] if item.what.by)):
         others = [known for known in more if known is not item]
         if not others:
             break
+        if found.bent.get(item.what.key, 0.0) >= SURE:
+            continue
         search.tell(f"fitting {', '.join(known.what.words for known in others)} without {item.what.words}")
         alone = added_together(search, stand, others)
         if found.held - alone.held < WORTH:
