@@ -964,6 +964,8 @@ def test_nothing_is_added_to_a_right_model(model: Path, tmp_path: Path) -> None:
         (0.02, 0.6, 0.0, ("R",)),
         (0.02, None, 0.0, ("R",)),
         (0.7, 0.9, 0.4, ()),
+        (0.7, 1.5, 0.0, ("R",)),  # it was hardly watched before, and is not any more
+        (0.7, None, 0.0, ("R",)),
         (None, None, 0.0, ()),
         (0.02, 0.1, 0.3, ("R",)),  # it raises an alarm, of which no fault is claimed
     ],

@@ -45,6 +45,7 @@ MOST_LEFT = 3  # places that are named as worth a look
 TOLD = 3.0  # nats; what gains less is no place to look at
 SMALLER = 0.9  # times what is declared; a slow error that may be less small than that stays as it is
 DEAF = 0.5  # of a value; a part that has to change by more is hardly watched
+DEAFER = 2.0  # times what had to change before, where that was as much
 CLAIMED = 2.0  # times as far as a parameter seems to move (sd) while healthy: less is no fault, see `core/within.h`
 
 
@@ -97,13 +98,14 @@ class Quieted:
 
     @property
     def deaf(self) -> tuple[str, ...]:
-        """Parameters of which no change by less than half is found any more, or claimed, as it was before."""
-        before = {item.parameter: item.value for item in self.smallest_before}
+        """Parameters of which no change by less than half is found, or claimed, and clearly smaller ones were before."""
+        before = {item.parameter: item.value for item in self.smallest_before if item.value is not None}
         half = {name: DEAF * abs(value) for name, value in self.fitted.values.items()}
+        most = {
+            name: half[name] if before[name] <= half[name] else DEAFER * before[name] for name in before.keys() & half
+        }
         return tuple(
-            name
-            for name, value in self.smallest_claimed.items()
-            if _is_below(before.get(name), half.get(name, 0.0)) and not _is_below(value, half[name])
+            name for name, value in self.smallest_claimed.items() if name in most and not _is_below(value, most[name])
         )
 
     @property
