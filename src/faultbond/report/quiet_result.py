@@ -98,12 +98,12 @@ class Quieted:
 
     @property
     def deaf(self) -> tuple[str, ...]:
-        """Parameters of which no change by less than half is found, or claimed, and clearly smaller ones were before."""
-        before = {item.parameter: item.value for item in self.smallest_before if item.value is not None}
-        half = {name: DEAF * abs(value) for name, value in self.fitted.values.items()}
-        most = {
-            name: half[name] if before[name] <= half[name] else DEAFER * before[name] for name in before.keys() & half
-        }
+        """Parameters of which no change by less than half is found or claimed, and clearly smaller ones were before."""
+        most, half = {}, {name: DEAF * abs(value) for name, value in self.fitted.values.items()}
+        for item in self.smallest_before:
+            if item.value is not None and item.parameter in half:
+                is_watched = item.value <= half[item.parameter]
+                most[item.parameter] = half[item.parameter] if is_watched else DEAFER * item.value
         return tuple(
             name for name, value in self.smallest_claimed.items() if name in most and not _is_below(value, most[name])
         )
