@@ -66,6 +66,7 @@ class ConstraintNetwork:
     readings: tuple[Expression, ...]
     slow_errors: tuple[SlowError, ...]
     free: tuple[str, ...] = ()  # unknown inputs
+    inputs: tuple[str, ...] = ()  # those that are measured
     by_hand: tuple[Expression, ...] = ()
     sensed: tuple[Expression, ...] = ()
 
@@ -214,6 +215,7 @@ def _bonded_network(graph: BondGraph, causality: Causality) -> ConstraintNetwork
         dependent=tuple(dependent),
         readings=tuple(rename(sensor.reads, canonical) for sensor in graph.sensors),
         free=tuple(item.name for item in graph.unknown_inputs),
+        inputs=tuple(item.name for item in graph.inputs),
         slow_errors=tuple(replace(error, target=canonical(error.target)) for error in graph.slow_errors),
         by_hand=tuple(
             _by_hand(graph, item, item.reads, canonical, {*known, *table.parent})
@@ -255,6 +257,7 @@ def _block_network(graph: BondGraph) -> ConstraintNetwork:
         dependent=(),
         readings=tuple(sensor.reads for sensor in graph.sensors),
         free=tuple(item.name for item in graph.unknown_inputs),
+        inputs=tuple(item.name for item in graph.inputs),
         slow_errors=graph.slow_errors,
         by_hand=tuple(item.reads for item in graph.checks if item.reads is not None),
     )

@@ -124,11 +124,12 @@ def _steps(equations: list[_Equation], network: ConstraintNetwork, file: str) ->
             "connect"
         )
     preferred = {error.target for error in network.slow_errors}
+    varying = {*network.signals, *network.inputs, *network.free, *(state.name for state in network.states)}
     reads = [row + [place[name] for name in item.needs] for row, item in zip(rows, equations, strict=True)]
     for block in blocks(reads, matched):
         signals = [network.signals[held[k]] for k in block]
         if len(block) > 1:
-            yield _tear([equations[k] for k in block], signals, preferred)
+            yield _tear([equations[k] for k in block], signals, preferred, varying)
             continue
         residual, owner = equations[block[0]].constraint.residual, equations[block[0]].constraint.owner
         solution = isolate(residual, signals[0])
@@ -138,12 +139,16 @@ def _steps(equations: list[_Equation], network: ConstraintNetwork, file: str) ->
             yield Loop(tears=(signals[0],), inner=(), residuals=(residual,), owners=(owner,), closed=None)
 
 
-def _tear(equations: list[_Equation], signals: list[str], preferred: set[str]) -> Loop:
-    """Choose the tears of a loop: as few as possible, signals with a slow error and closed forms first."""
+def _tear(equations: list[_Equation], signals: list[str], preferred: set[str], varying: set[str]) -> Loop:
+    """Choose the tears of a loop: as few as possible, signals with a slow error and closed forms first.
 
-    def rank(loop: Loop) -> tuple[bool, bool, int]:
+    Then those from which the others follow without a quotient by what may be zero at times, as the speed of a pump is.
+    """
+
+    def rank(loop: Loop) -> tuple[bool, bool, bool, int]:
         occurrences = sum(names(residual).count(tear) for residual in loop.residuals for tear in loop.tears)
-        return (not set(loop.tears) & preferred if preferred else False, loop.closed is None, occurrences)
+        fails = any(_divides_by(part.expression, varying) for part in loop.inner)
+        return (not set(loop.tears) & preferred if preferred else False, loop.closed is None, fails, occurrences)
 
     for size in range(1, len(signals) + 1):
         few = comb(len(signals), size) <= _MAX_TRIALS
@@ -152,6 +157,14 @@ def _tear(equations: list[_Equation], signals: list[str], preferred: set[str]) -
         if loops:
             return min(loops, key=rank)
     raise AssertionError("all signals torn is always a loop")
+
+
+def _divides_by(solution: Expression, varying: set[str]) -> bool:
+    """Tell whether a linear solution, see `linear_solution`, is a quotient by something that varies."""
+    match solution:
+        case Binary("/", _, slope):
+            return not varying.isdisjoint(names(slope))
+    return False
 
 
 def _greedy(equations: list[_Equation], signals: list[str], size: int) -> tuple[str, ...]:

@@ -3,11 +3,14 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from faultbond.equations.causality import assign_causality
 from faultbond.equations.constraint_network import Constraint, ConstraintNetwork, Store, build_network
+from faultbond.equations.plant import build_plant
 from faultbond.equations.sequence import Assignment, Loop, sequence, slope_name
+from faultbond.equations.step import build_step_model
 from faultbond.errors import StructureError
 from faultbond.model.expression import Binary, Name, names
 from faultbond.model.graph import SlowError
@@ -118,6 +121,23 @@ def test_relation_without_closed_form_is_a_loop_of_its_own() -> None:
     assert step.tears == ("p.x",)
     assert step.closed is None
     assert step.inner == ()
+
+
+@pytest.mark.parametrize("order", ["pump hose", "hose pump"])
+def test_nothing_is_divided_by_what_a_pump_may_not_do(order: str) -> None:
+    """Of a node between a pump and a hose the temperature has a value, too, while the pump stands still."""
+    parts = {
+        "pump": "{type: Sf, law: f = c*speed*(hot - node.e), parameters: {c: 2 W/K}}",
+        "hose": "{type: R, law: f = G*(e - cold), parameters: {G: 3 W/K}}",
+    }
+    graph = parse_model(
+        "name: mixing\nsample_time: 1 s\nconstants: {hot: 350 K, cold: 290 K}\ninputs: {speed: {}}\ncomponents:\n"
+        + "".join(f"  {name}: {parts[name]}\n" for name in order.split())
+        + "junctions: {node: 0}\nbonds: [pump -> node -> hose]\nsensors: {T: {reads: node.e, unit: K, noise: 0.1 K}}\n"
+    )
+    model = build_step_model(build_plant(graph))
+    for speed, told in ((0.0, 290.0), (1.5, 320.0)):
+        assert model.readings(np.ones(2), [speed], np.zeros(0))[0].full().item() == pytest.approx(told)
 
 
 def test_slow_error_decides_the_tear() -> None:
