@@ -76,7 +76,7 @@ def test_what_was_never_seen_up_to_the_alarm_is_told(first: int, last: int, valu
     ],
 )
 def test_a_sensor_counts_as_it_read_before_anything_changed(first: int, last: int, value: float, told: bool) -> None:
-    """A set point that no input has: of a station fitted at 7.4 to 7.8 kPa, that alarmed at 9 kPa."""
+    """A set point that no input has: of a tank fitted at 7 to 7.8 kPa, that alarmed at 9 kPa."""
     graph = parse_model(amended(TEXT, [(("sensors", "pressure", "fitted_range"), "[7 kPa, 7.8 kPa]")]))
     place = [item.name for item in graph.sensors].index("pressure")
     y = np.full((600, 2), np.nan)
@@ -164,12 +164,22 @@ def test_it_is_read_and_written() -> None:
 
 
 def test_what_is_beyond_the_range_of_an_input_was_nowhere() -> None:
-    """A logger writes -999 where it has nothing; what an input cannot be is not where it was."""
-    text = amended(TEXT, [(("inputs", "u_in", "range"), "[0 percent, 100 percent]")])
+    """A logger writes -999 where it has nothing; what an input or sensor cannot be is not where it was."""
+    ends = {("inputs", "u_in", "range"): "[0 percent, 100 percent]", ("sensors", "pressure", "range"): "[0 Pa, 30 kPa]"}
+    text = amended(TEXT, [*ends.items()])
     graph = parse_model(text)
     rows = [(30.04, 0.0), (-999.0, 0.0), (np.nan, 0.0), (72.0, 0.0)]
-    read = [[Sample(time=float(k), dt=1.0, u=np.array(u), y=np.zeros(2)) for k, u in enumerate(rows)]]
+    levels = [7010.0, np.nan, 7790.0, -2e9]
+    read = [
+        [
+            Sample(time=float(k), dt=1.0, u=np.array(u), y=np.array([np.nan, level]))
+            for k, (u, level) in enumerate(zip(rows, levels, strict=True))
+        ]
+    ]
     seen = parse_model(with_seen_ranges(text, graph, read))
     assert seen.input("u_in").fitted_range == pytest.approx((30.0, 72.0))
     assert seen.input(graph.inputs[1].name).fitted_range == (0.0, 0.0)
+    assert [item.name for item in graph.sensors] == ["flow", "pressure"]
+    assert seen.sensors[0].fitted_range is None
+    assert seen.sensors[1].fitted_range == pytest.approx((7010.0, 7790.0))
     assert parse_model(with_seen_ranges(text, graph, [read[0][1:3]])).input("u_in").fitted_range is None

@@ -16,7 +16,7 @@ R = TypeVar("R")
 
 def side_by_side(call: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
     """Give what a call gives of each item, in order; where one fails, those that had not begun are not begun."""
-    return _pool().map(call, items) if len(items) > 1 and _processors() > 1 else map(call, items)
+    return _at_once("fit", call, items)
 
 
 def parts_side_by_side(call: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
@@ -24,12 +24,16 @@ def parts_side_by_side(call: Callable[[T], R], items: Sequence[T]) -> Iterator[R
 
     They have threads of their own: where all of `side_by_side` wait for their parts, these still run.
     """
-    return _parts().map(call, items) if len(items) > 1 and _processors() > 1 else map(call, items)
+    return _at_once("part", call, items)
 
 
 def in_background(call: Callable[[], R]) -> Callable[[], R]:
     """Begin a call beside what goes on, and give what waits for it; where there is one processor it begins then."""
-    return _others().submit(call).result if _processors() > 1 else call
+    return _threads("begun").submit(call).result if _processors() > 1 else call
+
+
+def _at_once(threads: str, call: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+    return _threads(threads).map(call, items) if len(items) > 1 and _processors() > 1 else map(call, items)
 
 
 def _processors() -> int:
@@ -38,16 +42,6 @@ def _processors() -> int:
 
 
 @cache
-def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(_processors(), thread_name_prefix="fit")
-
-
-@cache
-def _parts() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(_processors(), thread_name_prefix="part")
-
-
-@cache
-def _others() -> ThreadPoolExecutor:
-    """Give threads for what was begun before it is needed, so that it is in the way of nothing else."""
-    return ThreadPoolExecutor(_processors(), thread_name_prefix="begun")
+def _threads(name: str) -> ThreadPoolExecutor:
+    """Give threads by what they are for: those that begin what is needed later are in the way of nothing else."""
+    return ThreadPoolExecutor(_processors(), thread_name_prefix=name)

@@ -14,11 +14,9 @@ from faultbond.fit.side_by_side import in_background, parts_side_by_side, side_b
 def processors(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """So many processors, with a pool of their own."""
     monkeypatch.setattr(module, "_processors", lambda: request.param)
-    for pool in (module._pool, module._parts):
-        pool.cache_clear()
+    module._threads.cache_clear()
     yield request.param
-    for pool in (module._pool, module._parts):
-        pool.cache_clear()
+    module._threads.cache_clear()
 
 
 def test_what_is_given_comes_in_order(processors: int) -> None:
@@ -66,7 +64,6 @@ def test_parts_of_calls_run_while_these_wait_for_them(processors: int) -> None:
 def test_what_was_begun_runs_beside_what_goes_on(processors: int) -> None:
     """It has ended before it is asked for; on one processor it begins then. What fails does so when it is asked for."""
     done = Event()
-    module._others.cache_clear()
     waiting = in_background(done.set)
     assert done.wait(timeout=30.0 if processors > 1 else 0.05) == (processors > 1)
     waiting()
@@ -74,4 +71,3 @@ def test_what_was_begun_runs_beside_what_goes_on(processors: int) -> None:
     failing = in_background(lambda: 1 // 0)
     with pytest.raises(ZeroDivisionError):
         failing()
-    module._others.cache_clear()
