@@ -15,18 +15,19 @@ import pytest
 
 import faultbond as fb
 from faultbond.analysis.smallest import SmallestFault
+from faultbond.app import attempt as attempts
 from faultbond.app import identification, quiet_fit
-from faultbond.app.engine import build_watcher
-from faultbond.app.identification import read_points
-from faultbond.app.quiet_fit import (
+from faultbond.app.attempt import (
     Attempt,
     apart_if_quieter,
     known_where_it_walks,
     lowered_if_quiet,
-    promising,
     put_on_trial,
     widened,
 )
+from faultbond.app.engine import build_watcher
+from faultbond.app.identification import read_points
+from faultbond.app.quiet_fit import promising
 from faultbond.app.signals import Stopped
 from faultbond.app.wishes import FitWishes
 from faultbond.arrays import FloatArray
@@ -145,7 +146,7 @@ def model(tmp_path: Path) -> Path:
 @pytest.fixture
 def no_sizes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the smallest faults before and after, half of a search's time, where a test does not look at them."""
-    monkeypatch.setattr(quiet_fit, "_smallest", lambda *_: [(), ()])
+    monkeypatch.setattr(quiet_fit, "smallest_of_each", lambda *_: [(), ()])
 
 
 @pytest.mark.parametrize(("fixed", "told"), [((), True), (("C",), False)])
@@ -1269,7 +1270,7 @@ def test_an_error_once_all_is_fitted_loses_nothing(
     assert "no room" in capsys.readouterr().err.splitlines()[-1]
 
 
-@pytest.mark.parametrize("name", ["_raised", "_smallest"])
+@pytest.mark.parametrize("name", ["raised_until_quiet", "smallest_of_each"])
 def test_a_signal_after_the_search_keeps_what_was_on_trial(
     name: str, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -1279,7 +1280,7 @@ def test_a_signal_after_the_search_keeps_what_was_on_trial(
         os.kill(os.getpid(), signal.SIGTERM)
 
     monkeypatch.setattr(quiet_fit, name, stop)
-    if name == "_raised":
+    if name == "raised_until_quiet":
         monkeypatch.setattr(Attempt, "quiet", property(lambda _: False))
         monkeypatch.setattr(quiet_fit, "better", lambda *_: None)
     made = [write(tmp_path / f"{seed}.csv", seed=seed) for seed in (1, 2)]
@@ -1614,11 +1615,11 @@ def test_a_model_that_would_not_stay_quiet_keeps_its_slow_errors(monkeypatch: py
     attempt = Attempt(
         text=text, graph=graph, core=cast("Core", None), records=(), fitted=fitted, health=health, alarms={}
     )
-    monkeypatch.setattr(quiet_fit, "build_watcher", lambda _: None)
-    monkeypatch.setattr(quiet_fit, "healthy_changes", lambda *_: {"R": 0.1})
+    monkeypatch.setattr(attempts, "build_watcher", lambda _: None)
+    monkeypatch.setattr(attempts, "healthy_changes", lambda *_: {"R": 0.1})
     for least in ("1.02 %", "1.75 %", "2.29 %", ""):  # a third, its root, the root of that, none
         monkeypatch.setattr(
-            quiet_fit,
+            attempts,
             "put_on_trial",
             lambda text, fitted, *_, least=least: replace(
                 attempt,

@@ -1,18 +1,24 @@
 """`fit --until-quiet`: what a model leaves out is added until healthy recordings are as quiet as promised."""
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from math import inf
 
-from faultbond.analysis.smallest import SmallestFault, smallest_faults
+from faultbond.app.attempt import (
+    Attempt,
+    apart_if_quieter,
+    known_where_it_walks,
+    lowered_if_quiet,
+    put_on_trial,
+    raised_until_quiet,
+    smallest_of_each,
+)
 from faultbond.app.engine import build_watcher
 from faultbond.app.likelihood import begun_likelihood, likelihood_engine
-from faultbond.app.realisations import compiled_detector
 from faultbond.app.signals import Stopped, last_of
 from faultbond.app.wishes import FitWishes
-from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
 from faultbond.fit.ascent import Finish
 from faultbond.fit.cure import Cure, cured, strayed
@@ -24,60 +30,27 @@ from faultbond.fit.held_back import Recordings, parted
 from faultbond.fit.identification import Fit, Halted, Prior, fit_plant
 from faultbond.fit.offset import centred
 from faultbond.fit.quiet_search import ROUNDS, Search, Tell
-from faultbond.fit.samples import HealthyRecording, healthy_recording
+from faultbond.fit.samples import healthy_recording
 from faultbond.fit.session import build_fit, free_parameters
-from faultbond.fit.trial import MONTH, ROOM, Health, alarms_of, enough, on_trial, stays_below, strayed_on, widest_of
+from faultbond.fit.trial import MONTH, ROOM, alarms_of, on_trial, stays_below
 from faultbond.model.amend import amended
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
-from faultbond.model.validity import without_states
 from faultbond.report.doubts import earlier_doubt
 from faultbond.report.fit_result import Fitted, fitted_model, not_shown, unsteady
 from faultbond.report.quiet_result import (
     Quieted,
     Resized,
     amended_text,
-    lowered_text,
-    raised_text,
-    widened_text,
     with_stated_accuracies,
 )
-from faultbond.runtime.core import Core
 from faultbond.synthesis.engine import build_model
 
 LEAST = 60  # samples of a part of the recordings
 SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a standard error or so
-PATIENCE = 60.0  # s of a processor for the smallest faults of a model; usual plants take 2 to 10
-SPARE = 1.05  # times what it takes: a wider accuracy lets a parameter move a little farther
-LOWERED = (1.0, 0.5, 0.25)  # parts of the way to what recordings say of slow errors, as ratios, that are tried
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 
-Smallest = tuple[SmallestFault, ...]
 ByThen = Callable[[], Quieted]  # what was found, worked out where somebody asks for it
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Attempt:
-    """A model with what the search has found, fitted to all recordings and put on trial.
-
-    widened : how many times as large the accuracies of parameters are declared as the data say, by name
-    lowered : slow errors that are declared smaller than they were
-    """
-
-    text: str
-    graph: BondGraph
-    core: Core
-    records: tuple[HealthyRecording, ...]
-    fitted: Fitted
-    health: Health
-    alarms: dict[str, float]
-    widened: dict[str, float] = field(default_factory=dict)
-    lowered: tuple[Resized, ...] = ()
-
-    @property
-    def quiet(self) -> bool:
-        """Whether it keeps its promise, with room for other days, and the monitor itself does not alarm."""
-        return self.health.has_room and not self.alarms
 
 
 def fit_until_quiet(
@@ -176,14 +149,14 @@ def _steps(
     raised: tuple[Resized, ...] = ()
     if not attempt.quiet:
         tell("raising what must be declared larger")
-        attempt, raised = _raised(attempt, promise, tell)
+        attempt, raised = raised_until_quiet(attempt, promise, tell)
         now = _tried(now, attempt, raised)
         yield _known(now)
     attempt = lowered_if_quiet(attempt, tell)
     now = _tried(now, attempt, raised)
     yield _known(now)
     tell("working out the smallest faults before and after")
-    before, after = _smallest([(graph, core), (attempt.graph, attempt.core)], attempt.records)
+    before, after = smallest_of_each([(graph, core), (attempt.graph, attempt.core)], attempt.records)
     yield _known(replace(now, smallest_before=before, smallest_after=after))
 
 
@@ -368,158 +341,3 @@ def _attempt(
     now = _tried(now, attempt)
     yield _known(now)
     return attempt, now
-
-
-def lowered_if_quiet(attempt: Attempt, tell: Tell) -> Attempt:
-    """Declare slow errors as small as the recordings say, where a quiet model stays so: faults hide behind them.
-
-    Where it does not, half of that way is tried, and a quarter, as ratios.
-    """
-    if not attempt.quiet:
-        return attempt
-    for part in LOWERED:
-        smaller = _lowered(attempt, part, tell)
-        if smaller is None or smaller.quiet:
-            return smaller or attempt
-    return attempt
-
-
-def _lowered(attempt: Attempt, part: float, tell: Tell) -> Attempt | None:
-    """Put a model on trial with slow errors that are smaller by a part of what the recordings say; None: none is."""
-    text, lowered = lowered_text(attempt.text, attempt.graph, attempt.fitted.noises, part)
-    if not lowered:
-        return None
-    tell(f"declaring smaller: {', '.join(item.what for item in lowered)}")
-    graph = parse_model(text, file=attempt.graph.file)
-    changes = healthy_changes(build_watcher(graph), attempt.records)
-    fitted = replace(attempt.fitted, graph=graph, healthy_changes=changes)
-    text, fitted = fitted.with_healthy_changes(text, graph), replace(fitted, graph=attempt.fitted.graph)
-    read = [(item.name, item.points) for item in attempt.records]
-    smaller = widened(replace(put_on_trial(text, fitted, read, tell), widened=attempt.widened), tell)
-    return replace(smaller, lowered=lowered)
-
-
-def apart_if_quieter(attempt: Attempt, text: str, tell: Tell) -> Attempt:
-    """Leave out how parameters go together where that makes a model quiet, or lets its parameters walk less far.
-
-    What recordings leave open of a sum may be far less than what it moves by, as a model that is not exact lets it.
-
-    text : of the model before what was fitted
-    """
-    first = widened(attempt, tell)
-    if first.quiet or not attempt.fitted.correlations:
-        return first
-    tell("leaving out how parameters go together")
-    fitted = replace(attempt.fitted, apart=True)
-    read = [(item.name, item.points) for item in attempt.records]
-    apart = widened(put_on_trial(fitted.model_text(text), fitted, read, tell), tell)
-    return apart if apart.quiet or apart.health.walk < first.health.walk else first
-
-
-def known_where_it_walks(attempt: Attempt, text: str, tell: Tell) -> Attempt:
-    """Declare the powers and constants that were added as known where they walk: in them no fault is sought.
-
-    They stand for laws that are a little otherwise, and other operation asks for other values of them. As it was where
-    that lets nothing walk less far.
-
-    text : of the model before what was fitted
-    """
-    while attempt.health.walk > ROOM and attempt.health.walker in _terms(attempt):
-        known = attempt.fitted.known | {attempt.health.walker}
-        tell(f"declaring {attempt.health.walker} as known")
-        fitted = replace(attempt.fitted, known=known)
-        read = [(item.name, item.points) for item in attempt.records]
-        stilled = widened(put_on_trial(fitted.model_text(text), fitted, read, tell), tell)
-        if not stilled.health.walk < attempt.health.walk:
-            break
-        attempt = stilled
-    return attempt
-
-
-def _terms(attempt: Attempt) -> frozenset[str]:
-    """Give the parameters that were added in laws, of which no fault is sought, and that are not known exactly."""
-    graph = attempt.graph
-    lags = {item.lag for item in graph.inputs} | {item.lag for item in graph.sensors}
-    trusted = {item.name for item in graph.parameters if not item.suspect and item.accuracy > 0.0}
-    return (attempt.fitted.added & trusted) - lags
-
-
-def put_on_trial(text: str, fitted: Fitted, read: Recordings, tell: Tell) -> Attempt:
-    """Put a model text on trial."""
-    tell("putting the model on trial")
-    graph = parse_model(text, file=fitted.graph.file)
-    core = build_watcher(graph)
-    records = tuple(healthy_recording(name, points, core) for name, points in read)
-    promise = graph.time_between_false_alarms or MONTH
-    return Attempt(
-        text=text,
-        graph=graph,
-        core=core,
-        records=records,
-        fitted=fitted,
-        health=on_trial(core, records, promise, factors=()),
-        alarms=alarms_of(core, records),
-    )
-
-
-def widened(attempt: Attempt, tell: Tell) -> Attempt:
-    """Declare the accuracy of parameters larger that stray from where they start, as little as it takes.
-
-    What a fit says of a parameter is how well all recordings together tell one value of it; how far it is from that in
-    each of them, or under other inputs, is what `run` has to be told. As it was where that is more than `widest_of`.
-    """
-    before, times = attempt.widened, dict[str, float]()
-    most = {item.name: widest_of(item.suspect) for item in attempt.graph.parameters}
-
-    def strayed_with(times: dict[str, float]) -> dict[str, float]:
-        graph = parse_model(widened_text(attempt.text, attempt.graph, times), file=attempt.graph.file)
-        return strayed_on(build_watcher(graph), attempt.records)
-
-    strayed = attempt.health.strayed
-    while far := {name: part / ROOM for name, part in strayed.items() if part > ROOM}:
-        hopes = not times
-        times = {name: times.get(name, 1.0) * far.get(name, 1.0) for name in (*times, *far)}
-        times = {name: x * SPARE if name in far else x for name, x in times.items()}
-        if any(x * before.get(name, 1.0) > most[name] for name, x in times.items()):
-            return attempt
-        if hopes:  # a wider accuracy also lets it move farther: some stray however wide it is
-            widest = strayed_with({name: most[name] / before.get(name, 1.0) for name in far})
-            if any(widest.get(name, 0.0) > ROOM for name in far):
-                return attempt
-        strayed = strayed_with(times)
-    if not times:
-        return attempt
-    text = widened_text(attempt.text, attempt.graph, times)
-    wider = put_on_trial(text, attempt.fitted, [(item.name, item.points) for item in attempt.records], tell)
-    return replace(wider, widened=before | {name: before.get(name, 1.0) * x for name, x in times.items()})
-
-
-def _raised(attempt: Attempt, promise: float, tell: Tell) -> tuple[Attempt, tuple[Resized, ...]]:
-    """Declare accuracies, noise or slow errors larger, as little as it takes; as it was where nothing is enough."""
-    variant = enough(attempt.core, attempt.records, promise)
-    if variant is None:
-        return attempt, ()
-    text, raised = raised_text(attempt.text, attempt.graph, variant)
-    read = [(item.name, item.points) for item in attempt.records]
-    wider = replace(put_on_trial(text, attempt.fitted, read, tell), widened=attempt.widened)
-    return widened(wider, tell), raised
-
-
-def _smallest(plants: Sequence[tuple[BondGraph, Core]], records: Sequence[HealthyRecording]) -> list[Smallest]:
-    """Give the smallest faults of plants as `analyse --data` does, in the longest recording.
-
-    All of them in a usual run where one cannot be tried in that, so that they can be compared; none where nothing can.
-    """
-    longest = max(records, key=lambda record: len(record.points))
-    for samples in (longest.points, None):
-        with suppress(FaultbondError):
-            return [_smallest_in(graph, core, samples) for graph, core in plants]
-    return [() for _ in plants]
-
-
-def _smallest_in(graph: BondGraph, core: Core, samples: Sequence[Sample] | None) -> Smallest:
-    """Give the smallest faults of a plant in a run, by default a usual one, in which it holds all the time."""
-    always = without_states(graph) if samples is None else graph
-    core = core if always == graph else build_watcher(always)
-    detector = compiled_detector(core.spec.thresholds)
-    return tuple(smallest_faults(build_model(always), core.spec, core, detector, samples, seconds=PATIENCE))

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from faultbond.app import quiet_fit
+from faultbond.app import attempt
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.cli import DONE, main
 from faultbond.equations.evaluate import evaluate
@@ -623,7 +623,7 @@ def test_another_power_is_found(exponent: float, tmp_path: Path, monkeypatch: py
         return found
 
     monkeypatch.setattr(Ground, "climbed", climbed)
-    monkeypatch.setattr(quiet_fit, "smallest_faults", lambda *_, **__: [])
+    monkeypatch.setattr(attempt, "smallest_faults", lambda *_, **__: [])
     model, target = tmp_path / "model.yaml", tmp_path / "records.jsonl"
     model.write_text(COOLER, encoding="utf-8")
     made = [recorded(tmp_path, exponent, seed) for seed in (1, 2)]
@@ -650,7 +650,7 @@ def test_what_is_largest_somewhere_between_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A film that carries most at some flow beside what its law says, which is no power of it: a bow, and its place."""
-    monkeypatch.setattr(quiet_fit, "smallest_faults", lambda *_, **__: [])
+    monkeypatch.setattr(attempt, "smallest_faults", lambda *_, **__: [])
     model, target, output = tmp_path / "model.yaml", tmp_path / "records.jsonl", tmp_path / "quiet.yaml"
     model.write_text(COOLER, encoding="utf-8")
     made = [recorded(tmp_path, 0.75, seed, bow=-0.15) for seed in (1, 2)]

@@ -55,7 +55,7 @@ def test_a_highest_rate_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A source that moves by 12 V/s at most is told as that, with its lag, and no store and no error stand for it."""
-    monkeypatch.setattr(quiet_fit, "_smallest", lambda *_: [(), ()])
+    monkeypatch.setattr(quiet_fit, "smallest_of_each", lambda *_: [(), ()])
     found = fitted(tmp_path, TRUE.replace("{unit: V}", "{unit: V, lag: 0.06 s, rate_limit: 12 V/s}"), steps)
     (added,) = found["added"]
     assert (added["kind"], added["of"]) == ("rate limit", "V")
@@ -75,7 +75,7 @@ def test_a_dead_time_is_found_as_a_lag_in_stages(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A sensor that comes 0.3 s behind in four stages is told so, its noise and the winding as they are."""
-    monkeypatch.setattr(quiet_fit, "_smallest", lambda *_: [(), ()])
+    monkeypatch.setattr(quiet_fit, "smallest_of_each", lambda *_: [(), ()])
     found = fitted(tmp_path, TRUE.replace("20 mA", "20 mA, lag: {value: 0.3 s, order: 4}"), steps)
     (added,) = found["added"]
     assert (added["kind"], added["order"]) == ("lag", 4)

@@ -107,7 +107,7 @@ def test_what_an_earlier_fit_found_doubtful_stays_so(
 
     Until the user, who has mended the law, deletes the line that says so.
     """
-    monkeypatch.setattr(quiet_fit, "_smallest", lambda *_: [(), ()])
+    monkeypatch.setattr(quiet_fit, "smallest_of_each", lambda *_: [(), ()])
     _, new = fitted(recording, "2 ohm")
     once, again = load_model(new), recording.with_name("again.yaml")
     capsys.readouterr()
