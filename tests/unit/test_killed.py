@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from faultbond.app import course
+from faultbond.app import course, signals
 from faultbond.app.signals import Stopped, Stopping
 from faultbond.cli import main
 from faultbond.io.grid import PointBlock
@@ -211,6 +211,20 @@ def test_a_signal_that_a_library_swallows_ends_the_run() -> None:
             os.kill(os.getpid(), signal.SIGINT)
         with Stopping() as inner, pytest.raises(Stopped):
             next(inner.between(iter([1])))
+
+
+def test_a_signal_that_comes_twice_at_once_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`timeout` sends it to a program and to its group, which is no hurry; somebody who insists takes longer."""
+    with Stopping() as stopping:
+        with pytest.raises(Stopped):
+            os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), signal.SIGTERM)
+        with pytest.raises(Stopped):
+            os.kill(os.getpid(), signal.SIGINT)
+        assert stopping.noted == signal.SIGTERM
+        monkeypatch.setattr(signals, "ONE", 0.0)
+        with pytest.raises(Stopped):
+            os.kill(os.getpid(), signal.SIGTERM)
 
 
 def test_a_signal_that_is_ignored_stays_so(recording: Path, tmp_path: Path) -> None:

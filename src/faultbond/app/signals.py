@@ -3,11 +3,13 @@
 import signal
 import threading
 from collections.abc import Iterable, Iterator
+from time import monotonic
 from types import FrameType, TracebackType
 from typing import Any, TypeVar
 
 Item = TypeVar("Item")
 SIGNALLED = 128  # exit code, as shells report: this and the number of the signal
+ONE = 0.5  # s; a signal that comes so soon again is the same: `timeout` sends it to a program and to its group
 STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
@@ -50,6 +52,7 @@ class Stopping:
         self._before: dict[int, Any] = {}
         self.noted: int | None = None
         self._waits, self._patient = False, False
+        self._came: dict[int, float] = {}  # when, s, by number
 
     def __enter__(self) -> "Stopping":
         if threading.current_thread() is threading.main_thread():
@@ -87,6 +90,10 @@ class Stopping:
             yield item
 
     def _note(self, number: int, _: FrameType | None) -> None:
+        now, before = monotonic(), self._came.get(number)
+        self._came[number] = now
+        if before is not None and now - before < ONE:
+            return
         again = number == self.noted == signal.SIGINT  # somebody insists
         self.noted = self.noted or number
         if self._waits or again or not self._patient:
