@@ -106,6 +106,7 @@ class FakeFace:
         self.now = HISTORY
         self.is_full = False
         self.troubles: list[str] = []
+        self.pictures: dict[str, str] = {}
         self.done: list[Request] = []
         self._queues: list[tuple[asyncio.Queue[tuple[str, Shown] | None], int]] = []
         self._journal: dict[str, list[Shown]] = {name: [] for name in STATUS}
@@ -187,6 +188,7 @@ class FakeFace:
         return {
             "summary": self.summary(name),
             "drawing": drawings()[kind],
+            "picture": "drawn by hand" if self.pictures.get(name) else "",
             "suspicion": {key: min(value, 1.0) for key, value in suspicion.items()},
             "signals": [{**item, "in_use": name != "motor_2"} for item in signals],
             "cusum_limit": LIMIT,
@@ -203,6 +205,12 @@ class FakeFace:
             "journal": [dict(item) for item in reversed(self._journal[name])],
             "may": self._may(name),
         }
+
+    def picture(self, name: str) -> str:
+        """Give the picture of the process that a test has put there."""
+        if name not in STATUS:
+            raise KeyError(name)
+        return self.pictures.get(name, "")
 
     def curves(self, name: str, begin: float | None, end: float | None, most: int) -> Shown:
         """Give curves of a period."""

@@ -111,7 +111,7 @@ class Played:
             return self.announced
 
         listed = tuple(SiteAsset(name=name, plant=plant(), source="played:") for name in assets)
-        site = Site(name="hall", assets=listed, **(more or {}))
+        site = Site(**{"name": "hall", "assets": listed, **(more or {})})
         self.service = Service(
             site,
             self.store,

@@ -20,7 +20,7 @@ from faultbond.service.log_lines import LogForm, logged
 from faultbond.service.memory import keep_little
 from faultbond.service.sinks.opening import metrics_token, open_sinks
 from faultbond.service.sinks.options import KINDS
-from faultbond.service.site import Site
+from faultbond.service.site import Site, SiteAsset
 from faultbond.service.site_check import check_site, doubts
 from faultbond.service.site_log import Done
 from faultbond.service.sources.opening import open_source, shown_address
@@ -98,6 +98,8 @@ def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
         topic = f", topic {item.topic}" if item.topic else ""
         model, source = item.plant.document[0], shown_address(item.source)
         out.say(f"{item.name}: {item.plant.graph.name} ({model}) from {source}{topic}{rule}")
+        if item.picture is not None:
+            out.say(f"{item.name}: {item.picture.told()}")
     for sink in open_sinks(site.tell, site.topics()):
         what = [kind for kind in KINDS if kind in sink.kinds] + ["how assets stand"] * sink.shows
         out.say(f"{sink.name}: is told {', '.join(what)} by {sink.address}")
@@ -115,12 +117,17 @@ def _tell(site: Site, certificate: Certificate | None, out: Out) -> None:
         {
             "record": "site",
             "name": site.name,
-            "assets": [{"name": i.name, "model": i.plant.document[0], "source": i.source} for i in site.assets],
+            "assets": [_asset_content(item) for item in site.assets],
             "store": store,
             "address": site.host,
             "port": site.port,
         }
     )
+
+
+def _asset_content(item: SiteAsset) -> dict[str, object]:
+    told: dict[str, object] = {"name": item.name, "model": item.plant.document[0], "source": item.source}
+    return told if item.picture is None else told | {"picture": item.picture.content()}
 
 
 def _web_server() -> ModuleType:

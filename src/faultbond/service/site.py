@@ -18,6 +18,7 @@ from faultbond.model.source import Entry, Source, choice, shown, shown_path
 from faultbond.model.spot import Spot, check_name
 from faultbond.model.yaml_nodes import read_yaml
 from faultbond.service.offline.limits import OfflineLimits
+from faultbond.service.process_picture import ProcessPicture, read_process_picture
 from faultbond.service.sinks.options import KINDS, SinkOptions
 from faultbond.service.site_numbers import read_number, read_size
 from faultbond.service.site_offline import read_limits
@@ -73,6 +74,7 @@ ASSET_KEYS = Keys(
     {
         "model": Key(TEXT, missing="write `model: FILE`"),
         "source": Key(TEXT),
+        "picture": Key(TEXT, "an SVG of the plant whose ids are names of the model"),
         "accept": Key({}),
         "topic": Key(TEXT, "filter of its MQTT topics"),
         "nodes": Key({}, "OPC UA node by column"),
@@ -109,7 +111,7 @@ class SiteAsset:
 
     source: address of its source. where: start of a message about that, with file and line. accept: probability from
     which a rule accepts, or None. topic, nodes, hold: see `SourceOptions`; empty where the source finds its values by
-    itself, hold None where the model says what holds.
+    itself, hold None where the model says what holds. picture: of the plant, beside its bond graph, or None.
     """
 
     name: str
@@ -120,6 +122,7 @@ class SiteAsset:
     topic: str = ""
     nodes: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     hold: tuple[str, ...] | None = None
+    picture: ProcessPicture | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,10 +196,12 @@ def site_of(
 ) -> Site:
     """Give the site that a command line names; without a model the built-in tank.
 
+    The picture of a model is the SVG of its name beside it, if there is one.
+
     Raises
     ------
     FaultbondError
-        Where a model cannot be read, or two would have the same name.
+        Where a model or its picture cannot be read, or two would have the same name.
     """
     paths = list(models) or [example(DEMO) / "model.yaml"]
     assets = list[SiteAsset]()
@@ -205,7 +210,9 @@ def site_of(
         if any(item.name == name for item in assets):
             raise FaultbondError(f"{path}: there is an asset {name} already. Name them in a site file, by --site.")
         usual = SIMULATED if models else SHOWN
-        assets.append(SiteAsset(name=name, plant=_plant(path), source=source or usual, accept=accept))
+        plant, beside = _plant(path), path.with_suffix(".svg")
+        picture = read_process_picture(beside, plant.graph) if beside.is_file() else None
+        assets.append(SiteAsset(name=name, plant=plant, source=source or usual, accept=accept, picture=picture))
     names = ", ".join(item.name for item in assets)
     kept = store or str(STORE)
     return Site(
@@ -306,15 +313,20 @@ def _assets(told: Mapping[str, Spot], folder: Path, mistakes: Mistakes) -> Itera
                 _refuse_stray(fields, address)
             if "model" in fields:
                 own = read_number(fields, "accept", LOWEST_LEVEL, 1.0)
+                plant, picture = _plant(_model(fields["model"], folder)), None
+                if "picture" in fields:
+                    with mistakes.noted():
+                        picture = _picture(fields["picture"], folder, plant)
                 yield SiteAsset(
                     name=place.name,
-                    plant=_plant(_model(fields["model"], folder)),
+                    plant=plant,
                     source=address,
                     where=_place(fields.get("source") or told.get("source") or place),
                     accept=accept if own is None else own,
                     topic=_text(fields, "topic"),
                     nodes=MappingProxyType(_nodes(fields)),
                     hold=tuple(item.text() for item in fields["hold"].items()) if "hold" in fields else None,
+                    picture=picture,
                 )
 
 
@@ -354,6 +366,14 @@ def _model(place: Spot, folder: Path) -> Path:
     if not path.is_file():
         raise place.error(f": there is no file {shown_path(str(path))}")
     return path
+
+
+def _picture(place: Spot, folder: Path, plant: WatchedPlant) -> ProcessPicture:
+    path = folder / place.text()
+    try:
+        return read_process_picture(path, plant.graph)
+    except ModelError as error:
+        raise place.error(f": {error}") from None
 
 
 def _users(listed: Spot, mistakes: Mistakes) -> Iterator[tuple[str, User]]:

@@ -67,6 +67,7 @@ class SiteView:
         self._drawings = {
             item.name: draw(item.plant.graph, dict(assign_causality(item.plant.graph).strokes)) for item in site.assets
         }
+        self._pictures = {item.name: item.picture for item in site.assets}
         self._notes: deque[str] = deque(maxlen=NOTES)
         self.is_stopped = False
 
@@ -114,6 +115,11 @@ class SiteView:
         """Give an asset."""
         with self._lock:
             return self._asset(self._log.assets[name])
+
+    def picture(self, name: str) -> str:
+        """Give the picture of the process of an asset; empty where there is none."""
+        found = self._pictures[name]
+        return "" if found is None else found.svg
 
     def curves(self, name: str, begin: float | None, end: float | None, most: int) -> Shown:
         """Give curves of an asset, the newest where no period is given."""
@@ -173,4 +179,6 @@ class SiteView:
         deeds = self._store.deeds(asset.name, newest=JOURNAL)
         summary, counts = self._summary(asset), self._seen[asset.name].counts
         shown = asset_of(asset, summary, self._drawings[asset.name], deeds, counts, now=self._clock())
-        return {**shown, "notes": [*self._notes, *shown["notes"]]}
+        picture = self._pictures[asset.name]
+        more = {"picture": "" if picture is None else picture.tag, "notes": [*self._notes, *shown["notes"]]}
+        return shown | more

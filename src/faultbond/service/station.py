@@ -182,6 +182,10 @@ class Service:
         """Give an asset."""
         return self._view.asset(name)
 
+    def picture(self, name: str) -> str:
+        """Give the picture of the process of an asset; empty where there is none."""
+        return self._view.picture(name)
+
     def curves(self, name: str, begin: float | None, end: float | None, most: int) -> Shown:
         """Give curves of an asset, those of the memory where no period is given."""
         return self._view.curves(name, begin, end, most)

@@ -21,7 +21,7 @@ from faultbond.service.site import read_site
 from faultbond.service.site_log import AssetPlan, SiteLog
 from faultbond.service.store.opening import open_store
 from faultbond.service.web.security import hashed
-from loop_asset import FOUND, MODEL, plant, rows
+from loop_asset import FOUND, plant, rows
 
 FOLDER = Path("examples/service").resolve()
 PLACEHOLDER = "hash, as `faultbond serve --hash` prints it"
@@ -80,7 +80,8 @@ def test_the_container_is_made_of_what_there_is() -> None:
 def test_the_site_file_is_one(tmp_path: Path) -> None:
     """But for the model and the password, which are the user's; the door that it asks for is one that may be open."""
     (tmp_path / "models").mkdir()
-    (tmp_path / "models" / "tank.yaml").write_text(MODEL.read_text())
+    for name in ("model.yaml", "model.svg"):
+        shutil.copy(FOLDER.parent / "tank" / name, tmp_path / "models" / name.replace("model", "tank"))
     for name in ("broker.secret", "plant.pem"):
         (tmp_path / name).touch()
     path = tmp_path / "site.yaml"
@@ -88,6 +89,7 @@ def test_the_site_file_is_one(tmp_path: Path) -> None:
     path.write_text(text)
     site = read_site(path)
     assert site.users["anna"].role == "engineer"
+    assert site.assets[0].picture is not None
     refuse_open_door(site)
     path.write_text(re.sub(r"  (certificate|key): page.*\n", "", text))
     with pytest.raises(FaultbondError, match="passwords could be read on the way"):

@@ -35,7 +35,8 @@ class Face(Protocol):
     `shelved_until`, `signals`, and of samples `time`, at which it was raised, and `change_time`), `best` (None or
     `names`, `probability`, `components`, and `parameters` as in a record, SI).
 
-    An asset: `summary`, `drawing` (SVG whose groups carry `data-name`), `suspicion` (probability by component),
+    An asset: `summary`, `drawing` (SVG whose groups carry `data-name`), `picture` (what tells the picture of the
+    process from another one, empty where there is none), `suspicion` (probability by component),
     `signals` (list of `name`, `role` sensor or input, `unit`, `in_use`), `cusum_limit`, `verdict` (sentences), `rows`
     (candidates: `suspects` as a list of `name`, `component`, `nominal`, `estimate`, `sd`, `change` as texts with units;
     `kinds`, a list of texts, `probability`, `percent`, `group`), `several` (whether they cannot be told apart),
@@ -57,6 +58,12 @@ class Face(Protocol):
 
     def asset(self, name: str) -> Shown:
         """Give an asset. Raises KeyError where there is none of that name."""
+
+    def picture(self, name: str) -> str:
+        """Give the picture of the process, SVG whose groups carry `data-component`; empty where there is none.
+
+        Raises KeyError where there is no asset of that name.
+        """
 
     def curves(self, name: str, begin: float | None, end: float | None, most: int) -> Shown:
         """Give curves of an asset, the newest where no period is given. Raises KeyError."""

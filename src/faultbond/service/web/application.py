@@ -66,6 +66,12 @@ class Metrics(Response):
     media_type = MEDIA_TYPE
 
 
+class Svg(Response):
+    """A picture that may be enlarged."""
+
+    media_type = "image/svg+xml"
+
+
 class Described(FastAPI):
     """An application whose description tells that refusals are JSON where the answer itself is not."""
 
@@ -266,6 +272,15 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
             raise HTTPException(422, "begin: it is behind the end.")
         with _refusing(asset):
             return _packed(request, JSONResponse(face.curves(asset, begin, end, most)))
+
+    @router.get("/api/v1/assets/{asset}/picture", response_class=Svg, responses=seen_of_one, dependencies=[viewer])
+    def picture(request: Request, asset: AssetName) -> Response:
+        """Give the picture of the process, where the site has one for an asset."""
+        with _refusing(asset):
+            found = face.picture(asset)
+        if not found:
+            raise HTTPException(404, f"The asset {asset!r} has no picture.")
+        return _packed(request, Svg(found))
 
     @router.get(
         "/api/v1/assets/{asset}/report", response_class=HTMLResponse, responses=seen_of_one, dependencies=[viewer]

@@ -194,10 +194,14 @@ class EntryShape(Shape):
 
 
 class AssetShape(Shape):
-    """All that is known of an asset. drawing: SVG. suspicion: probability by component. may: what makes sense."""
+    """All that is known of an asset. drawing: SVG. suspicion: probability by component. may: what makes sense.
+
+    picture: tells that of the process from another one; empty: there is none.
+    """
 
     summary: SummaryShape
     drawing: str
+    picture: str
     suspicion: dict[str, float]
     signals: list[SignalShape]
     cusum_limit: float

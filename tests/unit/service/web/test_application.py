@@ -266,7 +266,7 @@ def test_the_description_is_complete(local: Asked) -> None:
         "/health",
         "/metrics",
         *(f"/api/v1/{name}" for name in ("me", "login", "logout", "site", "events")),
-        *(f"/api/v1/assets/{{asset}}{name}" for name in ("", "/curves", "/report", "/deeds")),
+        *(f"/api/v1/assets/{{asset}}{name}" for name in ("", "/curves", "/picture", "/report", "/deeds")),
         *(f"/api/v1/offline{name}" for name in ("", "/files", "/jobs")),
         *(f"/api/v1/offline/jobs/{{job}}{name}" for name in ("", "/report", "/records", "/analysis")),
     }
@@ -283,10 +283,30 @@ def test_the_description_is_complete(local: Asked) -> None:
     assert local("GET", "/docs").status_code == 404
 
 
+def test_the_picture_of_the_process(local: Asked) -> None:
+    """As SVG, small on the way, of which nothing may run; one that there is not is refused, and the asset says so."""
+    local.face.pictures["tank_1"] = "<svg/>"
+    answer = local("GET", "/api/v1/assets/tank_1/picture")
+    assert (answer.status_code, answer.text, answer.headers["content-encoding"]) == (200, "<svg/>", "gzip")
+    assert answer.headers["content-type"] == "image/svg+xml"
+    assert answer.headers["content-security-policy"] == POLICY
+    assert is_refused(local("GET", "/api/v1/assets/tank_2/picture"), 404)
+    assert is_refused(local("GET", "/api/v1/assets/nothing/picture"), 404)
+    assert [bool(local("GET", f"/api/v1/assets/tank_{k}").json()["picture"]) for k in (1, 2)] == [True, False]
+
+
 def test_nobody_sees_anything_without_login(guarded: Callable[..., Asked]) -> None:
     """Without a session there is the page and whether the service is well, and nothing of the plant."""
     asked = guarded()
-    for path in ("me", "site", "events", "assets/tank_1", "assets/tank_1/curves", "assets/tank_1/report"):
+    for path in (
+        "me",
+        "site",
+        "events",
+        "assets/tank_1",
+        "assets/tank_1/curves",
+        "assets/tank_1/picture",
+        "assets/tank_1/report",
+    ):
         assert is_refused(asked("GET", f"/api/v1/{path}"), 401)
     assert is_refused(asked.do(action="acknowledge"), 401)
     assert [asked("GET", path).status_code for path in ("/", "/health")] == [200, 200]

@@ -235,7 +235,7 @@ def test_an_asset_tells_what_is_wrong(opened: Callable[..., Any], served: Served
     heat = page.evaluate(
         """() => {
             const parts = document.querySelector('.picture').shadowRoot.querySelectorAll('[data-component]');
-            const heatOf = (part) => Number(part.querySelector('.heat').getAttribute('fill-opacity'));
+            const heatOf = (part) => Number(part.querySelector('.heat').getAttribute('opacity'));
             return Object.fromEntries([...parts].map((part) => [part.dataset.component, heatOf(part)]));
         }"""
     )
@@ -603,12 +603,83 @@ def test_a_picture_of_the_process_is_coloured_too(
     monkeypatch.setattr(served.face, "asset", lambda name: {**known(name), "drawing": picture})
     page = opened("#/tank_2")
     found = page.evaluate(
-        """() => { const root = document.querySelector('.picture').shadowRoot, rect = root.querySelector('.a');
+        """() => { const root = document.querySelector('.picture').shadowRoot,
+        rect = root.querySelector('.a:not(.heat *)');
         root.querySelector('g').dispatchEvent(new Event('click'));
         return [getComputedStyle(rect).stroke, getComputedStyle(rect).fill, root.querySelectorAll('.heat').length,
         root.querySelectorAll('script').length, window.broken ?? false]; }"""
     )
     assert found == ["rgb(1, 2, 3)", "rgb(4, 5, 6)", 1, 0, False]
+
+
+PROCESS = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 90 40"><style>.body{COLOURS}</style><g data-component="leak">'
+    '<path id="leak" class="body" d="M10 10 L30 20"><title>The gap</title></path></g>'
+    '<g data-component="outlet"><text y="30">out</text></g></svg>'
+)
+THEMED = PROCESS.replace("COLOURS", "fill:none;stroke:currentColor")
+FIXED = PROCESS.replace("COLOURS", "fill:none;stroke:#000")
+SEEN = """() => {
+    const host = document.querySelector('.picture'), root = host.shadowRoot;
+    const parts = [...root.querySelectorAll('[data-component]')].map((part) => {
+        const heat = part.querySelector('.heat'), drawn = getComputedStyle(heat.firstElementChild);
+        return [part.dataset.component, part.querySelector('title').textContent,
+            Number(heat.getAttribute('opacity')) > 0.3, heat.firstElementChild.localName, drawn.stroke, drawn.fill];
+    });
+    return { parts, ids: root.querySelectorAll('#leak').length, label: root.querySelector('svg').ariaLabel,
+        paper: getComputedStyle(host).backgroundColor, ink: getComputedStyle(root.querySelector('#leak')).stroke,
+        wide: root.querySelector('svg').getBoundingClientRect().width / host.parentElement.clientWidth };
+}"""
+
+
+@pytest.mark.parametrize("is_dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("width", [390, 1280])
+def test_the_picture_of_the_process_or_the_model_is_shown(
+    opened: Callable[..., Any], served: Served, width: int, is_dark: bool, axe: str
+) -> None:
+    """Both are coloured by suspicion; which of them is seen is chosen by a button, and stays so."""
+    served.face.pictures = {"tank_2": THEMED, "tank_3": FIXED}
+    page = opened("#/tank_2", width, is_dark=is_dark)
+    unfold(page)
+    until(page, "document.querySelector('.picture.process') !== null")
+    seen, suspicion = page.evaluate(SEEN), served.face.asset("tank_2")["suspicion"]
+    hot = "rgb(194, 86, 15)" if is_dark else "rgb(240, 123, 47)"
+    assert seen["parts"] == [
+        ["leak", f"The gap: {100 * suspicion['leak']:.1f} %", True, "path", hot, "none"],
+        ["outlet", f"outlet: {100 * suspicion['outlet']:.1f} %", True, "rect", hot, hot],
+    ]
+    assert (seen["ids"], seen["paper"]) == (1, "rgba(0, 0, 0, 0)")
+    assert seen["ink"] == ("rgb(232, 237, 242)" if is_dark else "rgb(22, 32, 43)")
+    assert "at fault may be leak 53" in seen["label"]
+    assert 0.9 < seen["wide"] <= 1.0
+    assert not is_overfull(page)
+    assert "pressure" in page.inner_text(".instruments"), "what is not in the picture is listed below it"
+    assert violations(page, axe, COLOURS if is_dark else RULES) == []
+    page.get_by_role("button", name="Model").press("Enter")
+    assert page.evaluate("document.querySelector('.picture').shadowRoot.querySelectorAll('.node').length") > 5
+    served.tick()
+    page.goto(served.address + "#/tank_3")
+    until(page, "document.querySelector('#asset-title')?.textContent.startsWith('tank_3')")
+    unfold(page)
+    until(page, "document.querySelector('.picture:not(.process)') !== null")
+    page.get_by_role("button", name="Process").click()
+    until(page, "document.querySelector('.picture.on-paper') !== null")
+    seen = page.evaluate(SEEN)
+    assert (seen["paper"], seen["ink"]) == ("rgb(255, 255, 255)", "rgb(0, 0, 0)"), "as it was drawn, in any theme"
+    assert violations(page, axe, COLOURS if is_dark else RULES) == []
+    assert page.wrong == []
+
+
+def test_without_a_picture_there_is_nothing_to_choose(opened: Callable[..., Any], served: Served) -> None:
+    """Nor where it cannot be had: the bond graph stays."""
+    page = opened("#/tank_2")
+    assert page.locator(".plant-drawing .buttons").is_hidden()
+    served.face.pictures = {"tank_4": " "}
+    served.face.picture = lambda name: ""  # type: ignore[method-assign]
+    page.goto(served.address + "#/tank_4")
+    until(page, "document.querySelector('#asset-title')?.textContent.startsWith('tank_4')")
+    until(page, "document.querySelector('.picture')?.shadowRoot.querySelectorAll('.node').length > 5")
+    assert page.locator(".plant-drawing .buttons").is_hidden()
 
 
 def test_login(browser: Any, users: dict[str, tuple[str, Role]], axe: str) -> None:

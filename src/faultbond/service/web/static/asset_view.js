@@ -55,6 +55,7 @@ export class AssetView {
     this.chancePlace = make("div");
     this.chancePanel = this.folds.panel("chance-plot", "Probability over time", this.chancePlace);
     this.drawing = make("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Drawing of the plant" });
+    this.picture = new Picture(this.drawing, name);
     this.quality = make("dl", { class: "quality" });
     this.signals = make("ul", { class: "signals" });
     this.notes = make("ul", { class: "notes" });
@@ -64,14 +65,13 @@ export class AssetView {
     this.explanations = panel("explanations", "What may be at fault", this.group, this.list, this.more, this.beside, this.advice);
     place.replaceChildren(
       this.head,
-      make("div", { class: "pair" }, this.explanations, make("div", { class: "stack" }, this.folds.panel("plant-drawing", "Plant", this.drawing), this.chancePanel)),
+      make("div", { class: "pair" }, this.explanations, make("div", { class: "stack" }, this.folds.panel("plant-drawing", "Plant", this.picture.choice, this.drawing), this.chancePanel)),
       this.folds.panel("trends", "Measured and expected", this.trendPlace),
       make("div", { class: "pair" },
         this.folds.panel("journal-panel", "Journal", this.journal, this.older),
         this.folds.panel("quality-panel", "Data", this.quality, this.signals, this.notes)),
     );
     this.folds.fit();
-    this.picture = new Picture(this.drawing);
     this.trends = new Trends(this.trendPlace, name, tell);
     this.chances = new Chances(this.chancePlace);
   }
@@ -88,7 +88,7 @@ export class AssetView {
     this.show(state);
     this.trends.learn(asset);
     this.showCandidates();
-    this.picture.show(asset.drawing, asset.suspicion);
+    this.picture.show(asset);
     this.showData();
     this.showJournal();
   }

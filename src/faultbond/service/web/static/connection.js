@@ -19,16 +19,16 @@ async function answered(response) {
   return told;
 }
 
-async function asked(path, options = {}) {
-  let response;
+async function reached(path, options = {}) {
   try {
-    response = await fetch(path, { cache: "no-store", credentials: "same-origin", ...options });
+    return await fetch(path, { cache: "no-store", credentials: "same-origin", ...options });
   } catch (error) {
     if (options.signal?.aborted) throw error;
     throw new Refusal(0, "The service does not answer. Nothing was changed; try again when the page is live.");
   }
-  return answered(response);
 }
+
+const asked = async (path, options) => answered(await reached(path, options));
 
 function sent(path, body) {
   const headers = { "content-type": "application/json", "x-faultbond-token": token };
@@ -46,6 +46,10 @@ export async function who() {
 export const login = (name, password) => sent("api/v1/login", { name, password });
 export const logout = () => sent("api/v1/logout", {});
 export const act = (asset, deed) => sent(`${pathOf(asset)}/deeds`, deed);
+export async function pictureOf(asset) {
+  const response = await reached(`${pathOf(asset)}/picture`);
+  return response.ok ? response.text() : "";
+}
 export const reportPath = (asset) => `${pathOf(asset)}/report`;
 
 // The off-line desk. A file goes as it is, so that none is ever whole in memory.

@@ -14,7 +14,7 @@ const STEPS = [
     "A word and a sentence, by NAMUR NE 107. Normal: the plant behaves as its model expects. Without data it is never called normal.",
     isSimulated(state) ? "This plant is simulated. After a while a fault comes by itself." : ""] },
   { part: ".plant-drawing", title: "The plant", says: () => [
-    "Its bond graph: the components, and the bonds by which power flows between them.",
+    "Its parts, in a picture of the process where there is one, or in the bond graph, whose bonds show how power flows.",
     "The likelier it is that a component is at fault, the stronger its colour."] },
   { part: ".trends", title: "Measured and expected", says: () => [
     "What each sensor measured, and what the model expects, with a band of two standard deviations.",
