@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -196,12 +197,12 @@ def site_of(
 ) -> Site:
     """Give the site that a command line names; without a model the built-in tank.
 
-    The picture of a model is the SVG of its name beside it, if there is one.
+    The picture of a model is the SVG of its name beside it, if that shows something of the plant: others may lie there.
 
     Raises
     ------
     FaultbondError
-        Where a model or its picture cannot be read, or two would have the same name.
+        Where a model cannot be read, or two would have the same name.
     """
     paths = list(models) or [example(DEMO) / "model.yaml"]
     assets = list[SiteAsset]()
@@ -210,8 +211,9 @@ def site_of(
         if any(item.name == name for item in assets):
             raise FaultbondError(f"{path}: there is an asset {name} already. Name them in a site file, by --site.")
         usual = SIMULATED if models else SHOWN
-        plant, beside = _plant(path), path.with_suffix(".svg")
-        picture = read_process_picture(beside, plant.graph) if beside.is_file() else None
+        plant, picture = _plant(path), None
+        with suppress(ModelError):
+            picture = read_process_picture(path.with_suffix(".svg"), plant.graph)
         assets.append(SiteAsset(name=name, plant=plant, source=source or usual, accept=accept, picture=picture))
     names = ", ".join(item.name for item in assets)
     kept = store or str(STORE)
