@@ -143,8 +143,8 @@ class MemoryStore:
         end: float | None = None,
         newest: int | None = None,
     ) -> Iterator[NamedRecord]:
-        found = [item for item in self.journal(asset, begin=begin, end=end) if isinstance(item, NamedRecord)]
-        found = [item for item in found if not kinds or item.kind in kinds]
+        listed = self.journal(asset, kinds=kinds, begin=begin, end=end)
+        found = [item for item in listed if isinstance(item, NamedRecord)]
         return iter(found if newest is None else found[len(found) - min(newest, len(found)) :])
 
     def note(self, entry: AuditEntry) -> None:
@@ -168,9 +168,17 @@ class MemoryStore:
         return iter(found if newest is None else found[len(found) - min(newest, len(found)) :])
 
     def journal(
-        self, asset: str | None = None, *, begin: float | None = None, end: float | None = None
+        self,
+        asset: str | None = None,
+        *,
+        kinds: Sequence[str] = (),
+        begin: float | None = None,
+        end: float | None = None,
     ) -> Iterator[NamedRecord | Deed]:
-        return (item for item, time in self.came if asset in (None, item.asset) and _inside(time, begin, end))
+        for item, time in self.came:
+            is_wanted = not kinds or isinstance(item, Deed) or item.kind in kinds
+            if is_wanted and asset in (None, item.asset) and _inside(time, begin, end):
+                yield item
 
     def curves(
         self, asset: str, begin: float | None = None, end: float | None = None, most: int | None = None

@@ -5,6 +5,8 @@ from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping, Sequen
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from arriving import Announced
 from faultbond.errors import SourceError
 from faultbond.io.row_block import RowBlock
@@ -36,6 +38,7 @@ class Clock:
 class PlayedSource:
     """Gives portions of rows from its cursor on. lost_at: where it is lost, so many times. pace: s between portions.
     jump: from which row on its clock is set, by so many s. hold_at: where it waits for `holds`.
+    deaf_at: from which row on no sensor gives a value.
 
     ends: lets it end.
     """
@@ -55,10 +58,11 @@ class PlayedSource:
         pace: float = 0.0,
         jump: tuple[int, float] | None = None,
         hold_at: int | None = None,
+        deaf_at: int | None = None,
     ) -> None:
         self.clock, self.subscribers, self.portion, self.last, self.pace = clock, subscribers, portion, last, pace
         self.lost_at, self.loss, self.losses = lost_at, loss or SourceError("played: is gone"), losses
-        self.jump, self.hold_at = jump, hold_at
+        self.jump, self.hold_at, self.deaf_at = jump, hold_at, deaf_at
         self.begun: list[str] = []
         self.ends, self.holds = asyncio.Event(), asyncio.Event()
 
@@ -74,6 +78,8 @@ class PlayedSource:
             some: RowBlock = rows().part(slice(first, last))
             if self.jump is not None and first >= self.jump[0]:
                 some = replace(some, time=some.time + self.jump[1])
+            if self.deaf_at is not None and first >= self.deaf_at:
+                some = replace(some, y=np.full_like(some.y, np.nan))
             for item in self.subscribers:
                 yield Arrivals(
                     asset=item.asset, rows=some, arrived=self.clock(), cursor=str(last), counts={"dropped": 1}

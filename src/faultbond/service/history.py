@@ -1,26 +1,30 @@
 """What a store keeps of a period: its journal as text or records, its measurements as a recording, and a report of it.
 
 A recording has the names and units of the model file, and every digit, so `run` on it reads what the service read. A
-report comes from passing the period again, from its first row on, with what people decided in it.
+report comes from passing the period again, with what people decided in it. An alarm from before it that was not
+repaired bears on it, so then the rows pass from before the first such alarm on.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from faultbond.app.course import Course, Following
 from faultbond.app.decision import chosen_hypothesis
 from faultbond.app.plant import find_plant
-from faultbond.app.plant_run import BegunRun, begin
+from faultbond.app.plant_run import PlantRun, begin
 from faultbond.app.wishes import Wanted
 from faultbond.arrays import FloatArray
+from faultbond.contract.findings import Detection
 from faultbond.contract.json_records import Record
 from faultbond.errors import FaultbondError, RecordingError
 from faultbond.io.files import replaced, replaced_text
+from faultbond.io.grid import Grid
 from faultbond.io.out import Out
 from faultbond.io.recording import write_recording
 from faultbond.io.row_block import RowBlock
@@ -28,12 +32,17 @@ from faultbond.model.document import ModelDocument
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.model.text import parse_model
 from faultbond.report.numbers import clock_text, probability_text
+from faultbond.runtime.trace import Trace
 from faultbond.service.contract.messages import DECISIONS, Action, AuditEntry, Deed, NamedRecord
 from faultbond.service.contract.store import Enrolment, LogStore
 from faultbond.service.store.chunks import joined_rows
+from faultbond.types import Method
 
 SHORT = (15, 12)  # digits, of which the fewest that do are written, as somebody wrote them
 PARQUET, PAGE = (".parquet", ".pq"), (".html", ".htm")
+_TURNS = ("detection", "accepted")  # kinds of records with which an alarm is raised, and ends
+LEAD = 3600  # samples before an alarm from which on it is watched again, for a filter that has settled
+_NOBODY = Out(text=None, json=None)
 KINDS_OF_FILES = "FILE.csv, FILE.parquet or FILE.html"
 
 
@@ -76,13 +85,13 @@ def tell_history(store: LogStore, wanted: Excerpt, *, output: Path | None, out: 
             f"--asset: the store has {', '.join(assets)}; name the one that {output.name} is to be of."
         )
     enrolment = _in_force(store, assets[0], wanted)
-    log = store.log_between(assets[0], wanted.begin, wanted.end, enrolment.model_sha256)
     if output.suffix.lower() in PAGE:
-        page = replayed(enrolment, log).run.page()
+        page = replayed(store, enrolment, wanted).page()
         with replaced_text(output) as stream:
             stream.write(page)
     else:
         graph = parse_model(enrolment.text, file=enrolment.label)
+        log = store.log_between(assets[0], wanted.begin, wanted.end, enrolment.model_sha256)
         _write_columns(output, columns_in_units(graph, log))
     out.say(f"{assets[0]}: {output}")
     out.record({"record": "history", "asset": assets[0], "output": str(output), "model": enrolment.label})
@@ -159,34 +168,98 @@ def columns_in_units(graph: BondGraph, log: Iterable[RowBlock | Deed]) -> dict[s
     return columns
 
 
-def replayed(enrolment: Enrolment, log: Iterable[RowBlock | Deed]) -> BegunRun:
-    """Pass a part of a log once more, as live: its rows, and the decisions in it that were not taken back.
+def replayed(store: LogStore, enrolment: Enrolment, wanted: Excerpt) -> PlantRun:
+    """Pass a period of a log once more, as live: its rows, and the decisions in it that were not taken back.
 
-    A decision about an alarm from before the part has nothing to decide about, and is passed over.
+    Where an alarm from before it was not repaired, the rows pass from before the first such alarm on, for what it left
+    behind, and the run of the period goes on from there. Where an alarm that stood open live does not show in them, as
+    where they are forgotten, that is said.
     """
     document = ModelDocument(label=enrolment.label, data=enrolment.text.encode())
-    items = [*log]
-    gone = {item.undone for item in items if isinstance(item, Deed) and item.action is Action.UNDO}
-    wanted = Wanted()
-    begun = begin(find_plant(document, wanted), wanted, None, out=Out(text=None, json=None), live=True, curves=True)
-    for item in items:
+    begun = begin(find_plant(document, Wanted()), Wanted(), None, out=_NOBODY, live=True, curves=False)
+    run, asset, model = begun.run, enrolment.asset, enrolment.model_sha256
+    deeds = [item for item in store.journal(asset, kinds=_TURNS, end=wanted.end) if isinstance(item, Deed)]
+    gone = frozenset(item.undone for item in deeds if item.undone is not None)
+    before = _Alarms()
+    if wanted.begin is not None:
+        ends = float(np.nextafter(wanted.begin, -inf))
+        before = _alarms(store.journal(asset, kinds=_TURNS, end=ends), f"{asset}/{model[:12]}/")
+        if before.unrepaired:
+            alarm = _detection_of(before.unrepaired[0])
+            first = min(alarm.time, alarm.change_time) - LEAD * (run.watcher.spec.sample_time or 1.0)
+            _pass(run, begun.grid, store.log_between(asset, first, ends, model), gone)
+    saved, trace = run.course.saved(Method.BANK), Trace(run.watcher.spec, lag=run.watcher.lag)
+    course = Course(run.watcher, begun.grid, Following(out=_NOBODY, trace=trace), saved)
+    run = replace(run, course=course, trace=trace)
+    if before.open is not None and course.found.open is None:
+        trace.before([_detection_of(before.open)], (), ())
+        run = replace(run, hints=(_unseen_sentence(store, before.open, wanted),))
+    _pass(run, begun.grid, store.log_between(asset, wanted.begin, wanted.end, model), gone)
+    course.finish()
+    return run
+
+
+def _pass(run: PlantRun, grid: Grid, log: Iterable[RowBlock | Deed], gone: Collection[int]) -> None:
+    """Let rows and decisions pass, but those that were taken back."""
+    for item in log:
         if isinstance(item, RowBlock):
-            for points in begun.grid.push_block(item):
-                begun.run.course.take(points)
+            for points in grid.push_block(item):
+                run.course.take(points)
         elif item.action in DECISIONS and item.number not in gone:
             with suppress(FaultbondError):
-                _decide(begun, item)
-    begun.run.course.finish()
-    return begun
+                _decide(run, item)
 
 
-def _decide(begun: BegunRun, deed: Deed) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Alarms:
+    """Alarms of before. unrepaired: what they found is accepted, or open yet. open: which of them is; None: none."""
+
+    unrepaired: tuple[NamedRecord, ...] = ()
+    open: NamedRecord | None = None
+
+
+def _alarms(journal: Iterable[NamedRecord | Deed], of: str) -> _Alarms:
+    """Give the alarms with which a journal ends, of records whose ids begin so."""
+    now = undone = _Alarms()
+    for item in journal:
+        if isinstance(item, Deed):
+            undone = now if item.action in DECISIONS else undone
+            now = undone if item.action is Action.UNDO else now
+        elif not item.id.startswith(of):
+            continue
+        elif item.kind == "detection":
+            now = _Alarms(unrepaired=(*now.unrepaired, item), open=item)
+        else:
+            now = _Alarms(unrepaired=now.unrepaired[:-1] if item.content.get("repaired") else now.unrepaired)
+    return now
+
+
+def _detection_of(record: NamedRecord) -> Detection:
+    """Give the alarm of a record, without what else raised it."""
+    told: Mapping[str, Any] = record.content
+    return Detection(
+        time=record.time, sample=record.sample, change_time=told["change_time"], signals=tuple(told["signals"])
+    )
+
+
+def _unseen_sentence(store: LogStore, alarm: NamedRecord, wanted: Excerpt) -> str:
+    """Say of an alarm that the rows which are kept do not show what was found live."""
+    found = next(store.records(alarm.asset, kinds=("diagnosis",), begin=alarm.time, end=wanted.end, newest=1), None)
+    named = ", ".join(_words(found.content)) if found is not None else ""
+    live = f", and what was found live was {named}" if named else ""
+    return (
+        f"The alarm of {clock_text(alarm.time)} stood open when this period began{live}. "
+        "The rows that are kept do not show it any more."
+    )
+
+
+def _decide(run: PlantRun, deed: Deed) -> None:
     """Decide as a person did."""
-    course = begun.run.course
+    course = run.course
     diagnosis = course.diagnosis
     if diagnosis is None or not diagnosis.candidates:
         return
-    chosen = chosen_hypothesis(begun.run.watcher, diagnosis, deed.target)
+    chosen = chosen_hypothesis(run.watcher, diagnosis, deed.target)
     if deed.action is Action.REJECT:
         course.reject(chosen)
     else:

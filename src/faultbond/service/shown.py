@@ -69,9 +69,16 @@ def _operation(status: Status | None) -> str:
 
 
 def asset_of(
-    asset: Asset, summary: Shown, drawing: str, deeds: Iterable[Deed], counts: Mapping[str, int], *, now: float
+    asset: Asset,
+    summary: Shown,
+    drawing: str,
+    deeds: Iterable[Deed],
+    counts: Mapping[str, int],
+    *,
+    absence: str,
+    now: float,
 ) -> Shown:
-    """Give all that is shown of an asset. counts: of its source."""
+    """Give all that is shown of an asset. counts: of its source; absence: why it is not watched now, or empty."""
     graph, spec, history = asset.plant.graph, asset.spec, asset.history()
     view = view_of(graph, history, asset.run.counts(), Notation.PRINT)
     diagnosis = view.diagnosis
@@ -87,7 +94,7 @@ def asset_of(
         "signals": [_signal(item.name, "sensor", item.unit, in_use[item.name]) for item in graph.sensors]
         + [_signal(item.name, "input", item.unit, in_use=True) for item in graph.inputs],
         "cusum_limit": spec.thresholds.cusum_limit,
-        "verdict": view.verdict if diagnosis or asset.alarm.active else summary["headline"],
+        "verdict": f"{absence} {view.verdict}".lstrip() if diagnosis or asset.alarm.active else summary["headline"],
         "rows": _rows(graph, view.rows, diagnosis.candidates if diagnosis else ()),
         "remainder": view.remainder,
         "left_out": view.left_out,
@@ -107,7 +114,7 @@ def asset_of(
 
 
 def measures_of(asset: Asset, summary: Shown, counts: Mapping[str, int], *, arrived: float | None) -> AssetMeasures:
-    """Give what is measured of an asset. counts: of its source; arrived: when rows came last, Unix s."""
+    """Give what is measured of an asset. counts: of its source; arrived: when a sensor gave a value last."""
     last, diagnosis = asset.history(1), asset.diagnosis
     shares = last.cusum[-1] / last.cusum_limit if len(last.cusum) else ()
     return AssetMeasures(

@@ -6,10 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from faultbond.equations.causality import assign_causality
 from faultbond.report.drawing import draw
 from faultbond.service.asset import RECENT, Asset
-from faultbond.service.asset_status import asset_status
+from faultbond.service.asset_status import AssetStatus, asset_status
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import Arrivals, Monitoring
 from faultbond.service.contract.store import LogStore
@@ -28,11 +30,14 @@ NOTES = 3  # newest remarks about the service that are
 class _Seen:
     """What is known of an asset beside its log.
 
-    heard: when its last row came, s that only grow. stale: why what came is of the past; empty: it is of now.
-    counts: of what did not become rows. status: and since when.
+    heard: when a sensor of it gave a value last, s that only grow. gaps: between the last three of these. is_empty:
+    whether none did in what came last. stale: why what came is of the past; empty: it is of now. counts: of what did
+    not become rows. status: and since when.
     """
 
     heard: float | None = None
+    gaps: tuple[float, float] = (0.0, 0.0)
+    is_empty: bool = False
     stale: str = ""
     status: tuple[Any, ...] = ()
     since: float = 0.0
@@ -74,8 +79,12 @@ class SiteView:
     def note(self, arrivals: Arrivals, *, is_dropped: bool = False) -> None:
         """Note that rows came, and what came with them; who calls has the lock."""
         seen = self._seen[arrivals.asset]
-        if len(arrivals.rows):  # what could not be read is no data
-            seen.heard = self._steady()
+        if len(arrivals.rows):
+            seen.is_empty = not np.isfinite(arrivals.rows.y).any()  # what could not be read is no data
+            if not seen.is_empty:
+                now = self._steady()
+                seen.gaps = seen.gaps if seen.heard is None else (seen.gaps[1], now - seen.heard)
+                seen.heard = now
         seen.stale = seen.stale if arrivals.stale is None else arrivals.stale
         seen.counts.update(arrivals.counts)
         if is_dropped:
@@ -160,16 +169,21 @@ class SiteView:
                     news.append(("asset", self._asset(assets[name])))
         return news
 
-    def _summary(self, asset: Asset) -> Shown:
-        seen, parts, now = self._seen[asset.name], self._parts[asset.name], self._clock()
+    def _stands(self, asset: Asset) -> AssetStatus:
+        seen, parts = self._seen[asset.name], self._parts[asset.name]
         given_up = [part.trouble for part in parts if part.is_given_up]
-        stands = asset_status(
+        return asset_status(
             asset,
             silence=None if seen.heard is None else self._steady() - seen.heard,
+            pace=min(seen.gaps),
             trouble=next((part.trouble for part in parts[:2] if part.trouble), ""),
             stale=seen.stale,
+            is_empty=seen.is_empty,
             unwatched="" if self.is_stopped else given_up[-1] if given_up else None,
         )
+
+    def _summary(self, asset: Asset) -> Shown:
+        seen, stands, now = self._seen[asset.name], self._stands(asset), self._clock()
         status = (stands.status, stands.monitoring is Monitoring.NO_DATA)
         if seen.status != status:
             seen.status, seen.since = status, now
@@ -177,8 +191,8 @@ class SiteView:
 
     def _asset(self, asset: Asset) -> Shown:
         deeds = self._store.deeds(asset.name, newest=JOURNAL)
-        summary, counts = self._summary(asset), self._seen[asset.name].counts
-        shown = asset_of(asset, summary, self._drawings[asset.name], deeds, counts, now=self._clock())
+        summary, counts, absence = self._summary(asset), self._seen[asset.name].counts, self._stands(asset).absence
+        shown = asset_of(asset, summary, self._drawings[asset.name], deeds, counts, absence=absence, now=self._clock())
         picture = self._pictures[asset.name]
         more = {"picture": "" if picture is None else picture.tag, "notes": [*self._notes, *shown["notes"]]}
         return shown | more

@@ -6,7 +6,8 @@ import pytest
 
 from fake import kind_of, suspect, tank_graph
 from faultbond.contract.findings import Diagnosis, Unexplained
-from faultbond.service.asset_status import _status_of, diagnosis_line
+from faultbond.contract.silence import INPUT, SENSOR, Silent
+from faultbond.service.asset_status import _silence, _status_of, diagnosis_line
 from faultbond.service.contract.messages import Ne107
 from faultbond.types import FaultKind
 
@@ -30,3 +31,16 @@ def test_what_speaks_against_a_fault_is_said_first(diagnosis: Diagnosis, status:
     """A model that is likely off, data that nothing explains, a change of no more than is known: none is a failure."""
     assert _status_of(diagnosis) is status
     assert diagnosis_line(GRAPH, diagnosis).startswith(line)
+
+
+def test_all_that_are_silent_are_named() -> None:
+    """Of a few it is said how silent each was."""
+    flow = Silent(name="flow", role=SENSOR, values=399, samples=497, since=398.0, until=None)
+    level = Silent(name="level", role=SENSOR, values=0, samples=497, since=None, until=None)
+    pump = Silent(name="pump", role=INPUT, values=0, samples=497, since=None, until=None)
+    told = "the sensor flow gave a value in 399 of 497 samples, none from 398 s on"
+    assert _silence((flow,)) == told
+    assert _silence((flow, level)) == f"{told}; the sensor level gave no value"
+    many = _silence((flow, level, pump, replace(flow, name="speed")))
+    named = "the sensor flow, the sensor level, the input pump and the sensor speed"
+    assert many == f"{named} gave no value, hardly any, or none for long"

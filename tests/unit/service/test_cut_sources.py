@@ -34,6 +34,12 @@ def said(k: int) -> dict[str, float]:
     return {TIME: float(found.time[k])} | dict(zip(HEADERS, values, strict=True))
 
 
+def qualified(k: int, quality: str) -> dict[str, Any]:
+    """Give a row by columns, each value with a quality unless that is good."""
+    row = said(k)
+    return row if quality == "good" else row | {name: {"value": row[name], "quality": quality} for name in HEADERS}
+
+
 def part_of(played: Played) -> Mapping[str, Any]:
     """Give how the source is, by the health."""
     return dict(next(iter(played.service.health()["parts"].values())))
@@ -60,13 +66,13 @@ def assert_whole(played: Played, n_lost: int = 1) -> None:
     assert part_of(played)["restarts"] == 0
 
 
-async def publish(broker: Mosquitto, first: int, last: int) -> None:
-    """Publish some rows."""
+async def publish(broker: Mosquitto, first: int, last: int, *, quality: str = "good") -> None:
+    """Publish some rows, with values of a quality."""
     import aiomqtt  # noqa: PLC0415 - an extra
 
     async with aiomqtt.Client("127.0.0.1", broker.port) as client:
         for k in range(first, last):
-            await client.publish("plant/loop", json.dumps(said(k)), qos=1)
+            await client.publish("plant/loop", json.dumps(qualified(k, quality)), qos=1)
 
 
 def followed(address: str, course: Callable[[Played], Awaitable[None]]) -> Played:
@@ -92,6 +98,27 @@ def test_a_broker_that_is_killed_and_started_again(broker: Mosquitto) -> None:
         assert played.summary["monitoring"] == "running"
 
     assert_whole(followed(f"mqtt://127.0.0.1:{broker.port}/plant/loop", course))
+
+
+def test_values_that_all_turn_bad_are_no_data(broker: Mosquitto) -> None:
+    """The source works and rows come, but nothing is watched; it is again once values are good."""
+
+    async def course(played: Played) -> None:
+        await played.announced.is_connected.wait()
+        await publish(broker, 0, N // 3)
+        await played.until(lambda: played.passed(N // 3))
+        played.steady.now += 11.0
+        await publish(broker, N // 3, 2 * N // 3, quality="bad")
+        await played.until(lambda: played.passed(2 * N // 3))
+        assert part_of(played)["ok"]
+        shown = played.summary
+        assert (shown["status"], shown["monitoring"]) == ("CHECK_FUNCTION", "no data")
+        assert shown["headline"] == "No data for 11 s: what came last has no usable value of any sensor."
+        await publish(broker, 2 * N // 3, N)
+        await played.until(lambda: played.passed(N))
+        assert played.summary["monitoring"] == "running"
+
+    followed(f"mqtt://127.0.0.1:{broker.port}/plant/loop", course)
 
 
 class Wire:

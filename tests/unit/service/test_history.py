@@ -12,8 +12,9 @@ import pytest
 from faultbond.app.plant import find_plant
 from faultbond.app.wishes import Wanted
 from faultbond.cli import main
+from faultbond.contract.json_records import diagnosis_record
 from faultbond.errors import FaultbondError
-from faultbond.io.out import Out
+from faultbond.io.out import Out, finite
 from faultbond.io.recording import columns_of, read_blocks
 from faultbond.io.row_block import RowBlock
 from faultbond.model.graph import Unit
@@ -175,13 +176,66 @@ def test_a_report_of_a_period(kept: Path, tmp_path: Path) -> None:
     assert "Accepted" in page
     store = open_store(kept, writes=False)
     (enrolled,) = store.enrolments()
-    course = history.replayed(enrolled, store.log_between("tank")).run.course
+    course = history.replayed(store, enrolled, Excerpt()).course
     assert [item.candidate.parameters for item in course.found.accepted] == [("K1",)]
     assert course.found.open is None
-    quiet = history.replayed(enrolled, store.log_between("tank", 0.0, 1400.0)).run
+    quiet = history.replayed(store, enrolled, Excerpt(begin=0.0, end=1400.0))
     assert not quiet.course.found.detections
     assert quiet.course.counts.samples == 1401
     store.close()
+
+
+def test_a_report_of_a_period_that_begins_inside_an_alarm(kept: Path) -> None:
+    """It says what was found live, of the period alone; and none of what was accepted before is found again."""
+    store = open_store(kept, writes=False)
+    (enrolled,) = store.enrolments()
+    raised = next(store.records(kinds=("detection",)))
+    (live,) = store.records(kinds=("diagnosis",), end=2399.0, newest=1)
+    run = history.replayed(store, enrolled, Excerpt(begin=2000.0, end=live.time))
+    assert run.trace is not None
+    seen = run.trace.history()
+    assert (seen.time[0], seen.time[-1], run.course.counts.samples) == (2000.0, live.time, live.time - 1999)
+    assert run.course.found.open is not None
+    assert run.course.found.open.time == raised.time
+    assert finite(diagnosis_record(seen.diagnoses[-1])) == live.content
+    page = run.page().replace("\xa0", " ")
+    assert "No fault found" not in page
+    assert f"<strong>{raised.time:g} s</strong>" in page
+    later = history.replayed(store, enrolled, Excerpt(begin=2450.0, end=2990.0)).course
+    assert (later.found.open, later.found.detections, later.counts.samples) == (None, 1, 541)
+    store.close()
+
+
+def test_a_report_whose_alarm_cannot_be_seen_any_more(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where rows from before the alarm are forgotten, it says that one stood open, and what was found live."""
+    monkeypatch.setattr(history, "LEAD", -1000)  # no row from before the period
+    store = open_store(kept, writes=False)
+    (enrolled,) = store.enrolments()
+    page = history.replayed(store, enrolled, Excerpt(begin=2000.0, end=2100.0)).page().replace("\xa0", " ")
+    raised = next(store.records(kinds=("detection",)))
+    assert f"The alarm of {raised.time:g} s stood open when this period began, and what was found live was K1" in page
+    assert "No fault found" not in page
+    store.close()
+
+
+def test_what_is_left_of_alarms() -> None:
+    """An alarm counts until it was repaired, is open until something was accepted, and again after that is undone."""
+    raised = told("pump", 3)
+    accepted, repaired = (told("pump", 5, "accepted", repaired=is_so) for is_so in (False, True))
+    accept, seen, undo = (deed("pump", 6, action) for action in (Action.ACCEPT, Action.ACKNOWLEDGE, Action.UNDO))
+    cases: list[tuple[list[NamedRecord | Deed], int, bool]] = [
+        ([], 0, False),
+        ([raised], 1, True),
+        ([raised, accept, accepted], 1, False),
+        ([raised, accept, repaired], 0, False),
+        ([raised, accept, accepted, raised, accept, repaired], 1, False),
+        ([raised, accept, repaired, seen, undo], 1, True),
+        ([raised, accept, accepted, raised], 2, True),
+    ]
+    for journal, unrepaired, is_open in cases:
+        left = history._alarms(journal, "pump/a/")
+        assert (len(left.unrepaired), left.open is not None) == (unrepaired, is_open)
+    assert history._alarms([raised], "pump/b/").open is None  # of another model
 
 
 def test_units_come_back_to_the_last_bit() -> None:

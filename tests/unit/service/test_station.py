@@ -152,6 +152,68 @@ def test_what_cannot_be_read_is_no_data() -> None:
     play(Played(opened=lambda _, subscribers: Garbled(Clock(), subscribers)), course)
 
 
+def test_rows_without_a_value_of_a_sensor_are_no_data() -> None:
+    """After the same patience as no rows, though inputs have values; and all that tells when data came says so."""
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(300))
+        assert (played.summary["monitoring"], played.summary["status"]) == ("running", "NORMAL")
+        came = f'last_arrival_timestamp_seconds{{asset="loop"}} {TODAY:.0f}'
+        assert came in played.service.metrics(0)
+        played.steady.now += 10.5
+        played.clock.now += 10.5
+        played.source.holds.set()
+        await played.until(lambda: played.passed(600))
+        assert (played.summary["monitoring"], played.summary["status"]) == ("no data", "CHECK_FUNCTION")
+        assert played.summary["headline"] == "No data for 10 s: what came last has no usable value of any sensor."
+        assert came in played.service.metrics(0)
+        assert 'asset_running{asset="loop"} 0' in played.service.metrics(0)
+
+    play(Played(last=600, hold_at=300, deaf_at=300), course)
+
+
+def test_sensors_that_read_rarely_have_data_between_their_values() -> None:
+    """Three times as long as from one value to the next; an outage does not count as such a time."""
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(600))
+        (rows,) = [item for item in played.store.log_after("loop", 0, 0) if isinstance(item, RowBlock)][-1:]
+
+        def later(seconds: float) -> str:
+            played.steady.now += seconds
+            return str(played.summary["monitoring"])
+
+        for gap in (60.0, 60.0):
+            assert later(gap) == "no data"
+            played.service._view.note(Arrivals(asset="loop", rows=rows, arrived=0.0))
+        assert (later(179.0), later(2.0)) == ("running", "no data")
+        assert later(3600.0) == "no data"
+        played.service._view.note(Arrivals(asset="loop", rows=rows, arrived=0.0))
+        assert (later(179.0), later(2.0)) == ("running", "no data")
+
+    play(Played(last=600), course)
+
+
+def test_the_page_of_an_open_alarm_says_why_there_are_no_data() -> None:
+    """Beside the verdict as it was last, while rows still come and when none do."""
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(FOUND - 50))
+        assert (played.summary["monitoring"], played.summary["status"]) == ("running", "FAILURE")
+        before = played.service.asset("loop")["verdict"]
+        played.steady.now += 60.0
+        assert played.service.asset("loop")["verdict"] == f"No data for 60 s. {before}"
+        played.source.holds.set()
+        await played.until(lambda: played.passed(FOUND))
+        shown = played.service.asset("loop")["verdict"]
+        told = "No data for 60 s: what came last has no usable value of any sensor."
+        assert shown.startswith(f"{told} ")
+        assert "%" in shown
+        assert played.summary["headline"].startswith(f"{told} Alarm at ")
+
+    play(Played(hold_at=FOUND - 50, deaf_at=FOUND - 50), course)
+
+
 def test_a_store_that_cannot_be_written_stops_nothing_and_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is tried again; who wants something is told, and what was asked for is done once the disk has room."""
     monkeypatch.setattr("faultbond.service.station.RETRY", 0.05)

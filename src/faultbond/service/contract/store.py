@@ -111,9 +111,14 @@ class LogStore(Protocol):
         """Give what was enrolled, that which was enrolled last at the end."""
 
     def journal(
-        self, asset: str | None = None, *, begin: float | None = None, end: float | None = None
+        self,
+        asset: str | None = None,
+        *,
+        kinds: Sequence[str] = (),
+        begin: float | None = None,
+        end: float | None = None,
     ) -> Iterator[NamedRecord | Deed]:
-        """Give records and deeds in the order in which they came, of a period as in `log_between`."""
+        """Give records, of all kinds or some, and deeds as they came, of a period as in `log_between`."""
 
     def records(
         self,

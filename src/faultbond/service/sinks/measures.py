@@ -43,8 +43,8 @@ class AssetMeasures:
     """What is measured of an asset.
 
     summary: see `face.Face`. is_active, is_unseen: its alarm, whatever hides that. detector: by sensor, its sum over
-    the limit of that. suspicion: by component, the probability that it is at fault. arrived: when rows came last, Unix
-    s; None: none have. counts: by name, of grid and source.
+    the limit of that. suspicion: by component, the probability that it is at fault. arrived: when a sensor gave a
+    value last, Unix s; None: none has. counts: by name, of grid and source.
     """
 
     summary: Shown
@@ -125,7 +125,7 @@ def _of_assets(assets: Sequence[AssetMeasures]) -> Iterator[Family]:
         ),
         (
             "last_arrival_timestamp_seconds",
-            "When rows came last.",
+            "When rows with a value of any sensor came last.",
             [(item, item.arrived) for item in assets if item.arrived is not None],
         ),
     ):

@@ -135,9 +135,7 @@ class RelationalStore:
         newest: int | None = None,
     ) -> Iterator[NamedRecord]:
         """Give records in the order in which they came; see `contract.store.LogStore`."""
-        wanted, values = self._chosen(asset, begin, end)
-        if kinds:
-            wanted, values = f"{wanted} AND kind IN ({', '.join('?' * len(kinds))})", [*values, *kinds]
+        wanted, values = self._chosen(asset, begin, end, kinds)
         return (told for _, told in self._records(wanted, values, self._first("records", wanted, values, newest)))
 
     def deeds(self, asset: str | None = None, *, newest: int | None = None) -> Iterator[Deed]:
@@ -147,13 +145,17 @@ class RelationalStore:
         return (deed for _, deed in self._deeds(wanted, values, first))
 
     def journal(
-        self, asset: str | None = None, *, begin: float | None = None, end: float | None = None
+        self,
+        asset: str | None = None,
+        *,
+        kinds: Sequence[str] = (),
+        begin: float | None = None,
+        end: float | None = None,
     ) -> Iterator[NamedRecord | Deed]:
         """Give records and deeds in the order in which they came, of a period; see `contract.store.LogStore`."""
-        wanted, values = self._chosen(asset, begin, end)
         found: list[Iterator[tuple[int, NamedRecord | Deed]]] = [
-            self._records(wanted, values),
-            self._deeds(wanted, values),
+            self._records(*self._chosen(asset, begin, end, kinds)),
+            self._deeds(*self._chosen(asset, begin, end)),
         ]
         merged = heapq.merge(*found, key=itemgetter(0))
         return (item for _, item in merged)
@@ -452,12 +454,16 @@ class RelationalStore:
                 f"{log.name!r}, which was enrolled with {log.n_inputs} and {log.n_outputs}. Enrol its model first."
             )
 
-    def _chosen(self, asset: str | None, begin: float | None, end: float | None) -> tuple[str, list[object]]:
-        """Give what records or deeds of an asset and a period fulfil, and its values."""
+    def _chosen(
+        self, asset: str | None, begin: float | None, end: float | None, kinds: Sequence[str] = ()
+    ) -> tuple[str, list[object]]:
+        """Give what records, of some kinds or all, or deeds of an asset and a period fulfil, and its values."""
         wanted, limits = _period(begin, end)
+        if kinds:
+            wanted = f"{wanted} AND kind IN ({', '.join('?' * len(kinds))})"
         if asset is None:
-            return f"1=1{wanted}", list(limits)
-        return f"asset=?{wanted}", [self._asset(asset), *limits]
+            return f"1=1{wanted}", [*limits, *kinds]
+        return f"asset=?{wanted}", [self._asset(asset), *limits, *kinds]
 
     def _first(self, table: str, wanted: str, values: Sequence[object], newest: int | None) -> int:
         """Give the number of the first of the newest rows of a table that fulfil something."""

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields
+from itertools import product
 from pathlib import Path
 from tempfile import mkdtemp
 from unittest.mock import patch
@@ -183,9 +184,9 @@ class AnySequence(RuleBasedStateMachine):
                 return
         found, expected = (flat(store.log_between(asset, begin, end, model)) for store in (self.store, self.slow))
         assert found == expected
-        for of in (asset, None):
-            assert list(self.store.journal(of, begin=begin, end=end)) == list(
-                self.slow.journal(of, begin=begin, end=end)
+        for of, kinds in product((asset, None), ((), ("detection",))):
+            assert list(self.store.journal(of, kinds=kinds, begin=begin, end=end)) == list(
+                self.slow.journal(of, kinds=kinds, begin=begin, end=end)
             )
 
     @rule(asset=st.sampled_from(ASSETS), rows=st.integers(0, 40), deeds=st.integers(0, 4))
