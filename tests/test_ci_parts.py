@@ -84,6 +84,17 @@ def test_a_step_that_fails_or_hangs_ends_it(tmp_path: Path, how: str, fails: str
     assert asked(tmp_path)[-1] == last
 
 
+def test_an_npm_that_is_there_is_left_alone(tmp_path: Path) -> None:
+    """Whoever made it: Debian's does not go with the node of others. Where there is none it is installed."""
+    assert " npm " in said(tmp_path).splitlines()[0]
+    other = tmp_path / "other"
+    other.mkdir()
+    programs = {"apt-get": "exit 1", "dpkg-query": NOTHING, "dpkg": NOTHING, "sudo": NOTHING, "npm": NOTHING}
+    told = said(other, programs=programs)
+    assert "cppcheck" in told
+    assert "npm" not in told
+
+
 def test_without_lists_those_of_before_serve(tmp_path: Path) -> None:
     """Where the lists of packages cannot be had anew, as a source of others is gone, it goes on."""
     assert "skip" not in said(tmp_path, fails="update")

@@ -79,6 +79,10 @@ class AbsentStoreError(StoreError):
     """There is no store where one is to be read."""
 
 
+class ForgottenError(StoreError):
+    """Rows that are to pass again are not in the store any more."""
+
+
 class ManyMistakesError(FaultbondError):
     """Several mistakes, a line of the message each."""
 

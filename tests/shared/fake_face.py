@@ -11,7 +11,7 @@ from faultbond.errors import FaultbondError, StoreError
 from faultbond.report.drawing import draw
 from faultbond.report.numbers import TIMES
 from faultbond.service.contract.face import Request, Shown
-from faultbond.service.contract.messages import Action, Ne107
+from faultbond.service.contract.messages import Action, AuditEntry, Ne107
 
 START = 1_795_000_000.0  # Unix s of the first sample
 HISTORY = 900  # samples that there are at the start
@@ -100,11 +100,14 @@ def drawings() -> dict[str, str]:
 
 
 class FakeFace:
-    """Assets in all conditions. `tick` passes a sample; `refuses` and `is_full` make deeds fail."""
+    """Assets in all conditions. `tick` passes a sample; `is_full` makes deeds fail, `fails_each` each n-th look."""
 
     def __init__(self) -> None:
         self.now = HISTORY
         self.is_full = False
+        self.fails_each = 0
+        self.noted: list[AuditEntry] = []
+        self._looks = 0
         self.troubles: list[str] = []
         self.pictures: dict[str, str] = {}
         self.done: list[Request] = []
@@ -172,10 +175,17 @@ class FakeFace:
             "best": {"names": names, "probability": best["probability"]} if best else None,
         }
 
-    def asset(self, name: str) -> Shown:
-        """Give all of an asset."""
+    def _look_at(self, name: str) -> None:
+        """Refuse what there is not, and now and then what there is."""
+        self._looks += 1
+        if self.fails_each and self._looks % self.fails_each == 0:
+            raise StoreError("store.db: it cannot be read.")
         if name not in STATUS:
             raise KeyError(name)
+
+    def asset(self, name: str) -> Shown:
+        """Give all of an asset."""
+        self._look_at(name)
         kind = name.partition("_")[0]
         rows = self._rows(name)
         suspicion: dict[str, float] = {}
@@ -214,8 +224,7 @@ class FakeFace:
 
     def curves(self, name: str, begin: float | None, end: float | None, most: int) -> Shown:
         """Give curves of a period."""
-        if name not in STATUS:
-            raise KeyError(name)
+        self._look_at(name)
         last = self._last(name)
         first = 0 if begin is None else max(0, math.ceil(begin - START))
         until = last if end is None else min(last, math.floor(end - START))
@@ -234,13 +243,18 @@ class FakeFace:
 
     def report(self, name: str) -> str:
         """Give a report."""
-        if name not in STATUS:
-            raise KeyError(name)
+        self._look_at(name)
         return (
             f"<!doctype html><html lang=en><title>{name}</title><script>document.title += '!'</script><h1>{name}</h1>"
         )
 
     # ---- what people do
+
+    async def note(self, entry: AuditEntry) -> None:
+        """Keep what a person did that is about no asset."""
+        if self.is_full:
+            raise StoreError("store.db: the disk is full. Free some space.")
+        self.noted.append(entry)
 
     async def do(self, request: Request) -> Shown:
         """Do what a person wants."""

@@ -8,7 +8,7 @@ from math import inf, isnan, nan
 
 import numpy as np
 
-from faultbond.errors import StoreError
+from faultbond.errors import ForgottenError, StoreError
 from faultbond.io.row_block import Row, RowBlock, block_of_rows
 from faultbond.service.contract.messages import AuditEntry, Curves, Deed, NamedRecord
 from faultbond.service.contract.store import Commit, Enrolment, Forgotten, LogPlace
@@ -110,7 +110,7 @@ class MemoryStore:
     def log_after(self, asset: str, rows: int, deeds: int) -> Iterator[RowBlock | Deed]:
         log = self._log(asset)
         if any(row is None for row in log.rows[rows:]):
-            raise StoreError("rows are forgotten")
+            raise ForgottenError("rows are forgotten")
         return self._between(log, range(rows, len(log.rows)), log.deeds[deeds:])
 
     def log_between(

@@ -1,7 +1,7 @@
 """An asset under watch: what it remembers follows from its log alone, rows and deeds in their order."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 from faultbond.app.course import Course, Following
@@ -25,6 +25,7 @@ from faultbond.service.contract.messages import DECISIONS, Action, Curves, Deed,
 from faultbond.types import Method
 
 RECENT = 1200  # grid points that are kept in memory at least, for the report
+MOST_UNDOS = 4  # decisions that can be taken back; each keeps the state before it, in memory and in every checkpoint
 _CLOSING = frozenset({"accepted"})  # kinds of records with which an alarm returns to normal
 
 
@@ -38,20 +39,20 @@ class Consequence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Kept:
-    """What a checkpoint has beside the run. turn: see `Asset`; undo: see `Undo`, the first number its size.
+    """What a checkpoint has beside the run. turn: see `Asset`; status: message of what the method was doing.
 
-    status: message of what the method was doing.
+    undo: of each `Undo` three numbers in a row, the first its size; zeros where there is none.
     """
 
     alarm: Alarm
     turn: int
     status: str
-    undo: tuple[int, int, int] = (0, 0, 0)
+    undo: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Undo:
-    """How to take the last decision back: a checkpoint from before it, behind so many rows and deeds of the log."""
+    """How to take a decision back: a checkpoint from before it, behind so many rows and deeds of the log."""
 
     checkpoint: bytes
     rows: int
@@ -61,8 +62,8 @@ class Undo:
 class Asset:
     """One plant under watch.
 
-    undo: how to take the last decision back; None: it cannot be, as since the next alarm. turn: how often what a person
-    decided turned the course, by which records of the same sample are told apart.
+    undos: how to take decisions back, the latest last; those of before an alarm cannot be, nor more than `MOST_UNDOS`.
+    turn: how often what a person decided turned the course, by which records of the same sample are told apart.
 
     Parameters
     ----------
@@ -83,7 +84,7 @@ class Asset:
         self, name: str, plant: WatchedPlant, checkpoint: bytes | None = None, *, accept: float | None = None
     ) -> None:
         self.name, self.plant, self.alarm = name, plant, Alarm()
-        self.undo: Undo | None = None
+        self.undos: tuple[Undo, ...] = ()
         self.turn = 0
         self._status: Status | None = None  # at the checkpoint
         before = self._opened(checkpoint) if checkpoint is not None else None
@@ -118,7 +119,7 @@ class Asset:
         if deed.action not in DECISIONS:
             self.alarm = self.alarm.after(deed)
             return Consequence()
-        hypothesis, before = self._chosen(deed), self._bytes(None)
+        hypothesis, before = self._chosen(deed), self._bytes(())
         self.turn += 1
         if deed.action is Action.REJECT:
             self._course.reject(hypothesis)
@@ -127,21 +128,22 @@ class Asset:
                 self._tell(diagnosis_record(left))
         else:
             self._course.accept(hypothesis, repaired=deed.action is Action.REPAIRED)
-        self.undo = Undo(checkpoint=before, rows=deed.rows, deeds=deeds) if before is not None else None
+        kept = (Undo(checkpoint=before, rows=deed.rows, deeds=deeds),) if before is not None else ()
+        self.undos = (*self.undos, *kept)[-MOST_UNDOS:] if kept else ()  # one goes only after those behind it
         return Consequence(records=self._told())
 
     def checkpoint(self) -> bytes | None:
         """Give what it remembers; None as long as rows wait for others, and before the first."""
-        return self._bytes(self.undo)
+        return self._bytes(self.undos)
 
-    def _bytes(self, undo: Undo | None) -> bytes | None:
+    def _bytes(self, undos: Sequence[Undo]) -> bytes | None:
         saved = None if self._grid.holds_back else self._course.saved(Method.BANK)
         if saved is None:
             return None
-        place = (len(undo.checkpoint), undo.rows, undo.deeds) if undo is not None else (0, 0, 0)
+        places = tuple(number for undo in undos for number in (len(undo.checkpoint), undo.rows, undo.deeds))
         status = (self.status or Status.WAITING).value
-        kept = json.dumps(asdict(_Kept(alarm=self.alarm, turn=self.turn, status=status, undo=place))).encode()
-        earlier = undo.checkpoint if undo is not None else b""
+        kept = json.dumps(asdict(_Kept(alarm=self.alarm, turn=self.turn, status=status, undo=places))).encode()
+        earlier = b"".join(undo.checkpoint for undo in undos)
         return len(kept).to_bytes(4, "little") + kept + earlier + bytes_of_saved(saved)
 
     @property
@@ -204,12 +206,14 @@ class Asset:
             self._status = Status(kept.status)
         except (TypeError, ValueError) as error:
             raise StoreError(f"{self.name}: its checkpoint is damaged.") from error
-        n_earlier, rows, deeds = kept.undo
-        earlier, now = checkpoint[4 + size : 4 + size + n_earlier], checkpoint[4 + size + n_earlier :]
-        saved = saved_from(now, f"checkpoint of {self.name}")
+        undos, begin = list[Undo](), 4 + size
+        for n_bytes, rows, deeds in zip(*[iter(kept.undo)] * 3, strict=False):
+            undos.append(Undo(checkpoint=checkpoint[begin : begin + n_bytes], rows=rows, deeds=deeds))
+            begin += n_bytes
+        saved = saved_from(checkpoint[begin:], f"checkpoint of {self.name}")
         refuse_other(f"checkpoint of {self.name}", saved, self.plant.graph)
         self.alarm, self.turn = kept.alarm, kept.turn
-        self.undo = Undo(checkpoint=earlier, rows=rows, deeds=deeds) if n_earlier else None
+        self.undos = tuple(undo for undo in undos if undo.checkpoint)
         return saved
 
     def _pass(self, blocks: Iterable[PointBlock]) -> Consequence:
@@ -224,7 +228,7 @@ class Asset:
         kind, sample, told = str(record["record"]), self._course.sample, finite(record)
         time = float(told["time"])
         if kind == "detection":
-            self.alarm, self.undo = self.alarm.raised(time), None
+            self.alarm, self.undos = self.alarm.raised(time), ()
         elif kind in _CLOSING:
             self.alarm = self.alarm.returned(time)
         self._records.append(

@@ -39,6 +39,13 @@ def _of_listen(site: Site, key: str, problem: str) -> FaultbondError:
     return FaultbondError(f"{site.at(key)}listen: {problem}")
 
 
+def _is_loopback(host: str) -> bool:
+    """Whether a name or address is reached from this machine alone."""
+    with suppress(ValueError):
+        return ip_address(host).is_loopback
+    return host == LOOPBACK_NAME
+
+
 def refuse_open_door(site: Site) -> None:
     """Refuse to be reached from elsewhere where nobody has to log in, or where others could read how somebody does.
 
@@ -54,10 +61,7 @@ def refuse_open_door(site: Site) -> None:
             f"names: whoever asks for {site.names[0]} through a proxy would be an engineer, and there are no "
             "users. Name them in the site file.",
         )
-    with suppress(ValueError):
-        if ip_address(site.host).is_loopback:
-            return
-    if site.host == LOOPBACK_NAME:
+    if _is_loopback(site.host):
         return
     if not site.users:
         raise _of_listen(
@@ -75,6 +79,31 @@ def refuse_open_door(site: Site) -> None:
         )
 
 
+def listens_everywhere(site: Site) -> bool:
+    """Whether the page is on all addresses of this machine."""
+    with suppress(ValueError):
+        return ip_address(site.host).is_unspecified
+    return False
+
+
+def page_names(site: Site, certificate: Certificate | None) -> tuple[str, ...]:
+    """Give the names under which the page may be asked from elsewhere; that by which it can be opened comes first."""
+    certified = certificate.names if certificate is not None else ()
+    own = (site.host, *site.names, *certified)
+    if not listens_everywhere(site):
+        return own
+    openable = (name for name in certified if "*" not in name and not _is_loopback(name))
+    return (*openable, socket.gethostname(), *own)
+
+
+def page_address(site: Site, certificate: Certificate | None, port: int) -> str:
+    """Give where the page can be opened, in words where it is elsewhere, too."""
+    host = page_names(site, certificate)[0]
+    scheme = "http" if certificate is None else "https"
+    everywhere = ", and on all addresses of this machine" if listens_everywhere(site) else ""
+    return f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}/{everywhere}"
+
+
 def bound(site: Site) -> socket.socket:
     """Give the socket of the page.
 
@@ -88,8 +117,9 @@ def bound(site: Site) -> socket.socket:
         return socket.create_server((site.host, site.port), family=family, backlog=256)
     except OSError as error:
         advice = "Name another port, there or by --port." if "port" in site.places else "Name another by --port."
+        why = (error.strerror or str(error)).partition(" (while attempting")[0]  # Python says the address once more
         raise FaultbondError(
-            f"{site.at('port')}{site.host}:{site.port}: cannot listen there: {error.strerror or error}. {advice}"
+            f"{site.at('port')}{site.host}:{site.port}: cannot listen there: {why}. {advice}"
         ) from error
 
 

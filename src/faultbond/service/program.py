@@ -15,7 +15,7 @@ from faultbond.io.out import Out
 from faultbond.report.numbers import clock_text
 from faultbond.service.certificate_watch import CertificateWatch
 from faultbond.service.contract.store import LogStore
-from faultbond.service.door import Certificate, bound
+from faultbond.service.door import Certificate, bound, page_address, page_names
 from faultbond.service.log_lines import LogForm, logged
 from faultbond.service.memory import keep_little
 from faultbond.service.sinks.opening import metrics_token, open_sinks
@@ -147,7 +147,7 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
     manager.tell(status="reads its store")
     store, service = await _begun(site, out, manager)
     try:
-        names = {*LOOPBACK, site.host, *site.names, *(certificate.names if certificate else ())}
+        names = {*LOOPBACK, *page_names(site, certificate)}
         page = application(
             service, _guard(site), hosts=names, metrics_token=metrics_token(site.tell), desk=service.desk
         )
@@ -162,11 +162,9 @@ async def _serve(site: Site, certificate: Certificate | None, out: Out, uvicorn:
         )
         server.capture_signals = _no_signals  # ours go first
         with door, _signals() as stopped:
-            at = f"[{site.host}]" if ":" in site.host else site.host
-            scheme = "http" if certificate is None else "https"
             out.append()
             out.settle()
-            out.say(f"{site.name}: {scheme}://{at}:{door.getsockname()[1]}/ - Ctrl-C stops it.")
+            out.say(f"{site.name}: {page_address(site, certificate, door.getsockname()[1])} - Ctrl-C stops it.")
             if out.text is not None:
                 out.text.flush()  # into the journal of a system, too
             watching = asyncio.create_task(service.run())

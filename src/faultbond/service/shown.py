@@ -86,7 +86,7 @@ def asset_of(
     blamed = _blamed(told) if told is not None else {}
     in_use = {item.name: bool(used) for item, used in zip(spec.outputs, asset.run.watcher.in_use, strict=True)}
     decide = _DECIDE if diagnosis is not None and diagnosis.candidates else ()
-    take_back = (Action.UNDO,) if asset.undo is not None else ()
+    take_back = (Action.UNDO,) if asset.undos else ()
     return {
         "summary": summary,
         "drawing": drawing,

@@ -7,13 +7,14 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from faultbond.app.plant import WatchedPlant
-from faultbond.errors import FaultbondError, RecordingError, StoreError
+from faultbond.errors import FaultbondError, ForgottenError, RecordingError, StoreError
 from faultbond.io.row_block import RowBlock
-from faultbond.service.asset import Asset, Consequence
-from faultbond.service.contract.messages import Action, Arrivals, Deed, NamedRecord
+from faultbond.service.asset import MOST_UNDOS, Asset, Consequence
+from faultbond.service.contract.messages import DECISIONS, Action, Arrivals, Deed, NamedRecord
 from faultbond.service.contract.store import Commit, Enrolment, LogPlace, LogStore
 
 EVERY = 60.0  # s between two checkpoints of an asset
+TURNS = DECISIONS | {Action.UNDO}
 
 GiveUp = Callable[[str, Exception], None]
 
@@ -164,29 +165,41 @@ class SiteLog:
         """Do a deed of the log, or a new one; gives it as it is to be kept."""
         if deed.action is not Action.UNDO:
             return deed, place.asset.do(deed, place.deeds)
-        undo = place.asset.undo
-        if undo is None:
-            raise FaultbondError(f"{deed.asset}: there is no decision that can be taken back.")
+        decided = self._last_decision(place, deed)
+        *earlier, undo = place.asset.undos
         asset = Asset(place.plan.name, place.plan.plant, undo.checkpoint, accept=place.plan.accept)
-        asset.turn, undone, deeds = place.asset.turn + 1, 0, undo.deeds
+        asset.turn, asset.undos = place.asset.turn + 1, tuple(earlier)
         told: list[NamedRecord] = []
         for item in self._store.log_after(deed.asset, undo.rows, undo.deeds):
             if isinstance(item, RowBlock):
                 told += asset.take(item).records
-            elif not undone:
-                undone = item.number
-                if deed.undone is not None and deed.undone != undone:
-                    raise FaultbondError(
-                        f"{deed.asset}: entry {deed.undone} cannot be taken back; it is not the last decision, "
-                        f"which is {undone} ({item.action.value})."
-                    )
             elif item.number == deed.number:  # of the log, where it is one of the past
                 break
-            else:
-                told += asset.do(item, deeds).records
-            deeds += isinstance(item, Deed)
+            elif item.action not in TURNS:  # decisions behind it have been taken back
+                told += asset.do(item, place.deeds).records
         place.asset = asset
-        return replace(deed, undone=undone), Consequence(records=tuple(told))
+        return replace(deed, undone=decided.number), Consequence(records=tuple(told))
+
+    def _last_decision(self, place: _Place, wanted: Deed) -> Deed:
+        """Give the decision that is taken back first; refuse to take back another one, such as that of another."""
+        if not place.asset.undos:
+            raise FaultbondError(
+                f"{wanted.asset}: there is no decision that can be taken back: only the latest {MOST_UNDOS} since the "
+                "last alarm can be."
+            )
+        undo = place.asset.undos[-1]
+        try:  # it is the first entry behind the state from before it
+            behind = self._store.log_after(wanted.asset, undo.rows, undo.deeds)
+            last = next(item for item in behind if isinstance(item, Deed))
+        except ForgottenError as error:
+            told = f"{wanted.asset}: rows since the last decision are forgotten, so it cannot be taken back."
+            raise FaultbondError(told) from error
+        if wanted.undone not in (None, last.number):
+            raise FaultbondError(
+                f"{wanted.asset}: entry {wanted.undone} cannot be taken back now: decisions can be, the last one "
+                f"first, which is {last.number} ({last.action.value})."
+            )
+        return last
 
     @staticmethod
     def _commit(item: Arrivals | Deed, done: Done) -> Commit:

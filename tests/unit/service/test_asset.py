@@ -18,7 +18,7 @@ from faultbond.errors import FaultbondError, StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.runtime.names import candidate_names, find_hypothesis
 from faultbond.service.alarm import AlarmState
-from faultbond.service.asset import Asset
+from faultbond.service.asset import MOST_UNDOS, Asset
 from faultbond.service.asset_status import asset_status
 from faultbond.service.contract.messages import Action, NamedRecord
 from faultbond.service.shown import summary_of
@@ -91,14 +91,31 @@ def test_a_decision_is_kept_and_can_be_taken_back_until_the_next_alarm() -> None
     assert asset.alarm.state(0.0) is AlarmState.RETURNED
     kept = asset.checkpoint()
     assert kept is not None
-    undo = Asset("loop", plant(), kept).undo
-    assert undo is not None
+    (undo,) = Asset("loop", plant(), kept).undos
     assert (undo.checkpoint, undo.rows, undo.deeds) == (state, FOUND, 3)
     again = Asset("loop", plant(), undo.checkpoint)
-    assert (again.alarm.active, again.undo) == (True, None)
+    assert (again.alarm.active, again.undos) == (True, ())
     assert (again.status, again.time) == (Status.DIAGNOSING, rows().time[FOUND - 1])
     assert again.diagnosis is not None
     assert again.diagnosis.candidates[0].parameters == best
+
+
+def test_the_latest_decisions_are_kept_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each with the state from before it, which has no other inside; of more than that the earliest goes."""
+    assert MOST_UNDOS > 1
+    monkeypatch.setattr("faultbond.service.asset.MOST_UNDOS", 2)
+    asset = Asset("loop", plant())
+    passed(asset, rows().part(slice(FOUND)))
+    before, sizes = asset.checkpoint(), []
+    for number, action in enumerate((Action.REJECT, Action.REJECT, Action.ACCEPT)):
+        assert asset.diagnosis is not None
+        asset.do(deed(action, *asset.diagnosis.candidates[0].parameters, rows=FOUND), number)
+        sizes.append(len(asset.checkpoint() or b""))
+    assert before is not None
+    undos = Asset("loop", plant(), asset.checkpoint()).undos
+    assert [undo.deeds for undo in undos] == [1, 2]
+    assert all(Asset("loop", plant(), undo.checkpoint).undos == () for undo in undos)
+    assert sizes[2] < 3.1 * len(before)
 
 
 def test_every_candidate_can_be_decided_of() -> None:

@@ -1,6 +1,7 @@
 """The page by TLS: certificates that are right, all that can be wrong with one, and what a browser is given."""
 
 import signal
+import socket
 import ssl
 import subprocess
 import sys
@@ -14,7 +15,7 @@ from benchmarks.shared.broker import free_port
 
 from faultbond.cli import main
 from faultbond.errors import FaultbondError
-from faultbond.service.door import read_certificate
+from faultbond.service.door import page_address, page_names, read_certificate
 from faultbond.service.site import Site, SiteAsset
 from faultbond.service.web.security import hashed
 from loop_asset import MODEL, plant
@@ -122,6 +123,20 @@ def test_a_check_says_by_which_certificate(tmp_path: Path, made: Path, capsys: p
     assert f"faultbond: {made / 'ending.pem'}: the certificate ends at" in capsys.readouterr().err
     assert main(["serve", "--check", "--site", str(path := written(tmp_path, made, "old.pem", 0))]) == 2
     assert capsys.readouterr().err == f"{path}:2: listen: certificate {made / 'old.pem'}: it has expired. Renew it.\n"
+
+
+def test_the_address_that_is_told_can_be_opened(tmp_path: Path, made: Path) -> None:
+    """On all addresses it has the name of the certificate, else that of the machine, by which the page is served."""
+    certified = site(made, "page.pem", "page.key")
+    certificate = read_certificate(certified)
+    assert page_address(certified, certificate, 7) == "https://127.0.0.1:7/"
+    everywhere = replace(certified, host="0.0.0.0", names=("behind.example",))  # noqa: S104
+    assert page_address(everywhere, certificate, 7) == "https://plant.example:7/, and on all addresses of this machine"
+    told = f"http://{socket.gethostname()}:7/, and on all addresses of this machine"
+    assert page_address(everywhere, None, 7) == page_address(replace(everywhere, host="::"), None, 7) == told
+    assert {"behind.example", socket.gethostname()} <= set(page_names(everywhere, None))
+    assert socket.gethostname() not in page_names(replace(everywhere, host="10.0.0.7"), None)
+    assert page_address(replace(everywhere, host="fe80::7"), None, 7) == "http://[fe80::7]:7/"
 
 
 def answer(client: Any, path: str) -> Any:

@@ -3,6 +3,9 @@
 import ast
 import asyncio
 import math
+import re
+import shutil
+import subprocess
 import sys
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
@@ -28,6 +31,7 @@ asyncua = pytest.importorskip("asyncua", reason="needs asyncua: pip install 'fau
 ua = asyncua.ua
 EXACT = SourceOptions(unencrypted=True, hold={"one": ()}, together=0.0, patience=0.5)
 SOURCE = Path(__file__).parents[3] / "src/faultbond/service/sources/opcua.py"
+PAGE = Path(__file__).parents[3] / "docs/service.md"
 
 
 class Plant:
@@ -37,9 +41,16 @@ class Plant:
         self.port, self.server = port, asyncua.Server()
         self.variables: dict[str, Any] = {}
 
-    async def start(self, begins: Mapping[str, Any] | None = None, **secure: str) -> "Plant":
-        """Start it with variables of the types of their first values; `secure`: certificate and key."""
+    async def start(
+        self, begins: Mapping[str, Any] | None = None, *, trusted: Path | None = None, **secure: str
+    ) -> "Plant":
+        """Start it with variables of the types of their first values; `secure`: certificate and key.
+
+        trusted: the folder of the certificates that are; None: all are.
+        """
         await self.server.init()
+        if trusted is not None:
+            self.server.set_certificate_validator(await only(trusted))
         self.server.set_endpoint(f"opc.tcp://127.0.0.1:{self.port}/plant")
         policy = ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt if secure else ua.SecurityPolicyType.NoSecurity
         self.server.set_security_policy([policy])
@@ -60,10 +71,20 @@ class Plant:
         await self.server.write_attribute_value(self.variables[name].nodeid, data)
 
 
+async def only(folder: Path) -> Any:
+    """Give what looks at all that a certificate of a client has to be, and whether it is in a folder."""
+    store = asyncua.crypto.truststore.TrustStore([folder], [])
+    await store.load()
+    options = asyncua.crypto.validator.CertificateValidatorOptions
+    return asyncua.crypto.validator.CertificateValidator(options.TRUSTED_VALIDATION | options.PEER_CLIENT, store)
+
+
 @asynccontextmanager
-async def running(port: int, begins: Mapping[str, Any] | None = None, **secure: str) -> AsyncIterator[Plant]:
+async def running(
+    port: int, begins: Mapping[str, Any] | None = None, *, trusted: Path | None = None, **secure: str
+) -> AsyncIterator[Plant]:
     """Run a plant."""
-    plant = await Plant(port).start(begins, **secure)
+    plant = await Plant(port).start(begins, trusted=trusted, **secure)
     try:
         yield plant
     finally:
@@ -223,6 +244,43 @@ def test_traffic_is_encrypted_unless_it_is_said_otherwise(tmp_path: Path) -> Non
                 await asyncio.wait_for(task, WAITS)
             with pytest.raises(SourceError):
                 await gather(open_source(f"opc.tcp://127.0.0.1:{port}/plant?security=none", [subscriber()], options))
+
+    asyncio.run(asyncio.wait_for(play(), 3.0 * WAITS))
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None or shutil.which("bash") is None, reason="there is no openssl")
+def test_a_certificate_made_as_the_docs_say_is_trusted_once_it_is_put_there(tmp_path: Path) -> None:
+    """By a server that looks at all of it; until then it refuses, and the line says so."""
+    cert_gen = pytest.importorskip("asyncua.crypto.cert_gen")
+    pytest.importorskip("asyncua.crypto.validator")
+    (commands,) = re.findall(r"```text\n(openssl req.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    subprocess.run(["bash", "-euc", commands], cwd=tmp_path, check=True, capture_output=True)
+    (trusted := tmp_path / "trusted").mkdir()
+    key, certificate = tmp_path / "server.pem", tmp_path / "server.der"
+    options = SourceOptions(
+        certificate=str(tmp_path / "opcua_certificate.pem"),
+        key=str(tmp_path / "opcua_key.pem"),
+        server_certificate=str(certificate),
+        hold={"one": ()},
+        together=0.0,
+    )
+
+    async def play() -> None:
+        await cert_gen.setup_self_signed_certificate(key, certificate, "urn:here:server", "localhost", [], {})
+        shutil.copy(certificate, trusted)  # a list of none is no list
+        for is_trusted in (False, True):
+            port = free_port()
+            if is_trusted:
+                shutil.copy(tmp_path / "faultbond.der", trusted)
+            async with running(port, trusted=trusted, key=str(key), certificate=str(certificate)) as plant:
+                source = open_source(f"opc.tcp://127.0.0.1:{port}/plant", [subscriber()], options)
+                if not is_trusted:
+                    with pytest.raises(SourceError, match="certificate is not trusted"):
+                        await gather(source)
+                    continue
+                async with listening(source, has_time(102.0)) as task:
+                    await three_rows(plant)
+                    await asyncio.wait_for(task, WAITS)
 
     asyncio.run(asyncio.wait_for(play(), 3.0 * WAITS))
 

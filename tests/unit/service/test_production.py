@@ -24,6 +24,7 @@ from faultbond.service.web.security import hashed
 from loop_asset import FOUND, plant, rows
 
 FOLDER = Path("examples/service").resolve()
+PAGE = Path("docs/production.md").resolve()
 PLACEHOLDER = "hash, as `faultbond serve --hash` prints it"
 ANALYSE = shutil.which("systemd-analyze")
 
@@ -72,7 +73,8 @@ def test_the_container_is_made_of_what_there_is() -> None:
     assert [name for names in copied for name in names if not (root / name).exists()] == []
     (extras,) = re.findall(r"/sources\[(.+)\]", text)
     known = re.findall(r"^(\w+) = \[", (root / "pyproject.toml").read_text(), flags=re.M)
-    assert set(extras.split(",")) <= set(known)
+    assert {"serve", "mqtt", "opcua", "postgres"} <= set(extras.split(",")) <= set(known)
+    assert f'pip install "faultbond[{extras}]"' in PAGE.read_text(encoding="utf-8")
     (command,) = re.findall(r"^CMD (\[.+\])$", text, flags=re.M)
     assert build_parser().parse_args(re.findall(r'"([^"]+)"', command)).verb == "serve"
 

@@ -12,6 +12,7 @@ import pytest
 from faultbond.app.plant import find_plant
 from faultbond.app.wishes import Wanted
 from faultbond.errors import StoreError
+from faultbond.service.asset import MOST_UNDOS
 from faultbond.service.contract.messages import Action, Arrivals, Deed
 from faultbond.service.contract.store import Commit, LogStore
 from faultbond.service.site_log import AssetPlan, Done, SiteLog
@@ -69,6 +70,9 @@ def played(store: LogStore, seed: int, stops: Sequence[int]) -> SiteLog:
         (FOUND + 60, Action.ACCEPT),
         (FOUND + 130, Action.UNDO),
         (FOUND + 200, Action.REJECT),
+        (FOUND + 210, Action.REJECT),
+        (FOUND + 230, Action.UNDO),
+        (FOUND + 240, Action.UNDO),
         (FOUND + 260, Action.REPAIRED),
     ]
     while first < len(rows()):
@@ -137,11 +141,54 @@ def test_only_the_last_decision_is_taken_back(stores: tuple[RelationalStore, Rel
     (entry,) = store.deeds()
     before = log.assets["loop"].checkpoint()
     (refused,) = work(log, replace(deed(Action.UNDO), undone=entry.number + 1))
-    assert f"which is {entry.number} (accept)" in str(refused.error)
+    assert f"cannot be taken back now: decisions can be, the last one first, which is {entry.number} (accept)" in str(
+        refused.error
+    )
     assert log.assets["loop"].checkpoint() == before
     (done,) = work(log, replace(deed(Action.UNDO), undone=entry.number))
     assert done.error is None
     assert log.assets["loop"].detection is not None
+
+
+def test_decisions_are_taken_back_one_after_the_other(stores: tuple[RelationalStore, RelationalStore]) -> None:
+    """The latest first, across a restart, too; in the end it is as where nobody decided, and acknowledged as it was."""
+    store, _ = stores
+    undecided, log = MemoryStore(), watch(store)
+    plain = watch(undecided)
+    for first, last in pairwise((0, FOUND, FOUND + 60, FOUND + 90, FOUND + 200)):
+        work(plain, arrivals(first, last))
+    work(log, arrivals(0, FOUND))
+    work(log, deed(Action.REJECT, *best(log)), deed(Action.ACKNOWLEDGE), arrivals(FOUND, FOUND + 60))
+    work(log, deed(Action.ACCEPT, *best(log)), arrivals(FOUND + 60, FOUND + 90))
+    first, _, second = (item.number for item in store.deeds())
+    (early,) = work(log, replace(deed(Action.UNDO), undone=first))
+    assert f"the last one first, which is {second} (accept)" in str(early.error)
+    for number in (second, first):
+        (done,) = work(log, replace(deed(Action.UNDO), undone=number))
+        assert done.error is None
+        assert done.deed is not None
+        assert done.deed.undone == number
+        log = watch(store)
+    work(log, arrivals(FOUND + 90, FOUND + 200))
+    ours, theirs = ([*item.records(kinds=["diagnosis"])][-1].content for item in (store, undecided))
+    assert ours == theirs
+    assert log.assets["loop"].alarm.acknowledged_by == "anna"
+    (refused,) = work(log, deed(Action.UNDO))
+    assert f"only the latest {MOST_UNDOS} since the last alarm" in str(refused.error)
+
+
+def test_a_decision_whose_rows_are_forgotten_stays() -> None:
+    """What is passed again must be whole; who asks is told why it cannot be taken back."""
+    store = MemoryStore()
+    log = watch(store)
+    work(log, arrivals(0, FOUND))
+    work(log, deed(Action.ACCEPT, *best(log)))
+    work(log, arrivals(FOUND, FOUND + 60))
+    (kept,) = store.logs.values()
+    kept.rows[FOUND + 1] = None
+    (refused,) = work(log, deed(Action.UNDO))
+    assert "rows since the last decision are forgotten" in str(refused.error)
+    assert log.assets["loop"].detection is None
 
 
 def test_every_record_has_a_name_of_its_own(stores: tuple[RelationalStore, RelationalStore]) -> None:
@@ -167,10 +214,10 @@ def test_no_decision_is_taken_back_after_the_next_alarm() -> None:
     now = watch(MemoryStore())
     work(now, arrivals(0, FOUND))
     work(now, deed(Action.REPAIRED, *best(now)))
-    assert now.assets["loop"].undo is not None
+    assert now.assets["loop"].undos
     work(now, arrivals(FOUND, len(rows())))
     assert now.assets["loop"].detection is not None
-    assert now.assets["loop"].undo is None
+    assert not now.assets["loop"].undos
 
 
 def test_what_is_refused_is_not_in_the_log() -> None:

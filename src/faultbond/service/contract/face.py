@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from faultbond.service.contract.messages import Action
+from faultbond.service.contract.messages import Action, AuditEntry
 
 Shown = dict[str, Any]
 
@@ -57,7 +57,7 @@ class Face(Protocol):
         """
 
     def asset(self, name: str) -> Shown:
-        """Give an asset. Raises KeyError where there is none of that name."""
+        """Give an asset. Raises KeyError where there is none of that name, and StoreError."""
 
     def picture(self, name: str) -> str:
         """Give the picture of the process, SVG whose groups carry `data-component`; empty where there is none.
@@ -66,7 +66,7 @@ class Face(Protocol):
         """
 
     def curves(self, name: str, begin: float | None, end: float | None, most: int) -> Shown:
-        """Give curves of an asset, the newest where no period is given. Raises KeyError."""
+        """Give curves of an asset, the newest where no period is given. Raises KeyError and StoreError."""
 
     def health(self) -> Mapping[str, Any]:
         """Give `ok`, and by part of the service whether it runs, and since when it does not."""
@@ -86,6 +86,9 @@ class Face(Protocol):
         StoreError
             Where it cannot be kept.
         """
+
+    async def note(self, entry: AuditEntry) -> None:
+        """Keep what a person did that is about no asset; it is on the disk when this returns. Raises StoreError."""
 
     def report(self, name: str) -> str:
         """Give the report of what the asset saw lately, a page of HTML. Raises KeyError."""

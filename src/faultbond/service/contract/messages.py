@@ -75,10 +75,11 @@ class Deed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AuditEntry:
-    """What a person did that is about no asset.
+    """What a person did that is about no asset, or what was refused.
 
-    at: when, by the clock of the service. what: of it, in a word or two. about: plain JSON by name, such as the name,
-    size and SHA-256 of a file. number: of the entry in the store, from 1; 0 before it is there.
+    at: when, by the clock of the service. who: by the name that was given. what: of it, in a word or two. about: plain
+    JSON by name, such as the name, size and SHA-256 of a file. number: of the entry in the store, from 1; 0 before it
+    is there.
     """
 
     at: float

@@ -95,8 +95,8 @@ class LogStore(Protocol):
 
         Raises
         ------
-        StoreError
-            Also where rows among them are forgotten: what is passed again must be whole.
+        ForgottenError
+            Where rows among them are forgotten: what is passed again must be whole.
         """
 
     def log_between(

@@ -14,7 +14,7 @@ from uuid import uuid4
 import numpy as np
 
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.errors import StoreError
+from faultbond.errors import ForgottenError, StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.contract.messages import Action, AuditEntry, Curves, Deed, NamedRecord
 from faultbond.service.contract.store import Commit, Enrolment, Forgotten, LogPlace
@@ -522,7 +522,7 @@ class RelationalStore:
             yield first, block, np.ones(len(block), dtype=bool)
             rows += len(block)
         if rows < log.rows:
-            raise StoreError(
+            raise ForgottenError(
                 f"{self._database.name}: rows of {log.name!r} from {rows + 1} on are forgotten, and none of its kept "
                 "states is behind them, so it cannot go on from there. Move the store away; a new one is then begun."
             )

@@ -25,14 +25,18 @@ from faultbond.service.contract.face import Request as Wanted
 from faultbond.service.contract.messages import Action
 from faultbond.service.contract.offline import Desk
 from faultbond.service.sinks.openmetrics import MEDIA_TYPE
+from faultbond.service.web.audit_trail import AuditTrail, address_of
 from faultbond.service.web.broadcast import Broadcast, BusyError, EventStream
 from faultbond.service.web.offline_routes import offline_routes
 from faultbond.service.web.page_files import page_files
+from faultbond.service.web.request_rate import RequestRate
 from faultbond.service.web.route_parts import (
     COOKIE,
     Bounded,
+    RoleError,
     check_json,
     check_token,
+    paced,
     person_of,
     refusals,
     session_cookie,
@@ -54,6 +58,7 @@ from faultbond.service.web.shapes import (
 from faultbond.service.web.shield import HEADERS, LOOPBACK, REPORT_POLICY, Shield, refusal
 
 MOST_POINTS = 5000
+DEEDS, CURVES, REPORTS = 120, 600, 60  # of a session in a minute
 _LOG = logging.getLogger(__name__)
 _bearer = HTTPBearer(auto_error=False, description="The token of `tell` with `to: metrics`")
 AssetName = Annotated[str, Path(max_length=200, description="Name of an asset")]
@@ -119,9 +124,10 @@ def application(
     )
     made.state.broadcast = Broadcast(face)
     made.add_middleware(Shield, hosts=hosts)
-    _tell_errors(made)
+    trail = AuditTrail(face)
+    _tell_errors(made, trail)
     made.include_router(_pages())
-    made.include_router(_people(guard, has_desk=desk is not None))
+    made.include_router(_people(guard, trail, has_desk=desk is not None))
     made.include_router(_views(face, guard, made.state.broadcast))
     made.include_router(_measures(face, guard, made.state.broadcast, metrics_token))
     made.include_router(_deeds(face, guard))
@@ -130,11 +136,13 @@ def application(
     return made
 
 
-def _tell_errors(made: FastAPI) -> None:
+def _tell_errors(made: FastAPI, trail: AuditTrail) -> None:
     """Give all errors the one shape."""
 
     @made.exception_handler(AnyHTTPException)
     async def told(request: Request, error: AnyHTTPException) -> Response:
+        if isinstance(error, RoleError):
+            await trail.tell_role(error.person.name, error.role.name.lower(), request)
         return refusal(error.status_code, str(error.detail), dict(error.headers or {}))
 
     @made.exception_handler(RequestValidationError)
@@ -180,7 +188,7 @@ def _pages() -> APIRouter:
     return router
 
 
-def _people(guard: Guard, *, has_desk: bool) -> APIRouter:
+def _people(guard: Guard, trail: AuditTrail, *, has_desk: bool) -> APIRouter:
     """Give who asks, login and logout."""
     router = APIRouter(prefix="/api/v1", tags=["people"], route_class=Bounded)
     one_at_a_time = asyncio.Semaphore(1)  # hashing takes memory and a core
@@ -201,15 +209,18 @@ def _people(guard: Guard, *, has_desk: bool) -> APIRouter:
     )
     async def login(request: Request, body: LoginShape) -> Response:
         """Begin a session; it is in the cookie of the answer."""
-        address = request.client.host if request.client else ""
+        address = address_of(request)
         try:
             async with one_at_a_time:
                 session = await asyncio.to_thread(guard.login, body.name, body.password, address)
         except TooManyTriesError as error:
+            await trail.tell_refused("logins refused", body.name, request)
             raise HTTPException(429, str(error), {"retry-after": f"{error.seconds:.0f}"}) from None
         if session is None:
             _LOG.warning("login of %r from %s failed", body.name, address)
+            await trail.tell_refused("login failed", body.name, request)
             raise HTTPException(401, "Name and password do not belong together.", {"www-authenticate": "Session"})
+        await trail.tell("login", body.name, request)
         answer = JSONResponse({"ok": True})
         is_secure = request.url.scheme == "https"
         answer.set_cookie(COOKIE, session, httponly=True, samesite="strict", secure=is_secure, path="/")
@@ -217,6 +228,7 @@ def _people(guard: Guard, *, has_desk: bool) -> APIRouter:
 
     @router.post("/logout", response_model=DoneShape, responses=refusals(401, 403, 413))
     async def logout(
+        request: Request,
         person: Annotated[Person, person_of(guard, Role.VIEW)],
         cookie: Annotated[str | None, Depends(session_cookie)],
         token: Annotated[str | None, Depends(token_header)],
@@ -224,6 +236,8 @@ def _people(guard: Guard, *, has_desk: bool) -> APIRouter:
         """End the session."""
         check_token(person, token)
         guard.logout(cookie)
+        if guard.asks_login:
+            await trail.tell("logout", person.name, request)
         answer = JSONResponse({"ok": True})
         answer.delete_cookie(COOKIE, path="/", httponly=True, samesite="strict")
         return answer
@@ -236,7 +250,7 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
     router = APIRouter(tags=["views"], route_class=Bounded)
     viewer = person_of(guard, Role.VIEW)
     seen = refusals(401, 403)
-    seen_of_one = refusals(401, 403, 404, 422)
+    seen_of_one, paced_of_one = refusals(401, 403, 404, 422, 503), refusals(401, 403, 404, 422, 429, 503)
 
     @router.get("/health", response_model=HealthShape, responses={503: {"model": HealthShape}})
     async def health(request: Request) -> Response:
@@ -258,7 +272,10 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
             return JSONResponse(face.asset(asset))
 
     @router.get(
-        "/api/v1/assets/{asset}/curves", response_model=CurvesShape, responses=seen_of_one, dependencies=[viewer]
+        "/api/v1/assets/{asset}/curves",
+        response_model=CurvesShape,
+        responses=paced_of_one,
+        dependencies=[paced(viewer, RequestRate(most=CURVES))],
     )
     def curves(
         request: Request,
@@ -283,7 +300,10 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
         return _packed(request, Svg(found))
 
     @router.get(
-        "/api/v1/assets/{asset}/report", response_class=HTMLResponse, responses=seen_of_one, dependencies=[viewer]
+        "/api/v1/assets/{asset}/report",
+        response_class=HTMLResponse,
+        responses=paced_of_one,
+        dependencies=[paced(viewer, RequestRate(most=REPORTS))],
     )
     def report(asset: AssetName) -> Response:
         """Give the report of what an asset saw lately, a page in one file."""
@@ -352,25 +372,26 @@ def _refusing(asset: str | None) -> Iterator[None]:
 def _deeds(face: Face, guard: Guard) -> APIRouter:
     """Give what people may do."""
     router = APIRouter(tags=["deeds"], route_class=Bounded)
+    operator = person_of(guard, Role.OPERATE)
 
     @router.post(
         "/api/v1/assets/{asset}/deeds",
         status_code=201,
         response_model=EntryShape,
-        responses=refusals(400, 401, 403, 404, 409, 413, 415, 422, 503),
-        dependencies=[Depends(check_json)],
+        responses=refusals(400, 401, 403, 404, 409, 413, 415, 422, 429, 503),
+        dependencies=[Depends(check_json), paced(operator, RequestRate(most=DEEDS))],
     )
     async def do(
         asset: AssetName,
         body: DeedShape,
-        person: Annotated[Person, person_of(guard, Role.OPERATE)],
+        person: Annotated[Person, operator],
         token: Annotated[str | None, Depends(token_header)],
     ) -> Response:
         """Do something about an asset; what comes back is the entry of the journal, and is on the disk."""
         check_token(person, token)
         role = await asyncio.to_thread(_needed, face, asset, body)
         if person.role < role:
-            raise HTTPException(403, f"{person.name} may not do this: it takes the role {role.name.lower()}.")
+            raise RoleError(person, role)
         wanted = Wanted(
             asset=asset,
             action=body.action,

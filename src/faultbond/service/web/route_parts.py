@@ -1,6 +1,7 @@
 """What the routes of the interface share: who may ask, what is taken of a body, and how refusals are described."""
 
 import hmac
+import math
 from collections.abc import Callable, Coroutine
 from typing import Annotated, Any
 
@@ -9,6 +10,7 @@ from fastapi.routing import APIRoute
 from fastapi.security import APIKeyCookie, APIKeyHeader
 from starlette.types import Message
 
+from faultbond.service.web.request_rate import RequestRate
 from faultbond.service.web.security import Guard, Person, Role
 from faultbond.service.web.shapes import RefusalShape
 
@@ -27,9 +29,10 @@ REFUSALS = {
     415: "The body is not JSON, or a file is none of its kind.",
     421: "The service does not answer to this name.",
     422: "A value is missing or wrong.",
-    429: "There were too many failed logins, files, or analyses that wait.",
-    503: "The store cannot be written, or too many pages are open.",
+    429: "There were too many failed logins, requests, files, or analyses that wait.",
+    503: "The store cannot be read or written, or too many pages are open.",
 }
+_MORE = {429: {"headers": {"Retry-After": {"description": "s to wait", "schema": {"type": "integer"}}}}}
 session_cookie = APIKeyCookie(name=COOKIE, auto_error=False, description="Of a session that `login` began")
 token_header = APIKeyHeader(name=TOKEN, auto_error=False, description="The `token` that `me` tells")
 
@@ -62,7 +65,17 @@ class Bounded(APIRoute):
 
 def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Describe refusals by their statuses."""
-    return {status: {"model": RefusalShape, "description": REFUSALS[status]} for status in statuses}
+    return {
+        status: {"model": RefusalShape, "description": REFUSALS[status], **_MORE.get(status, {})} for status in statuses
+    }
+
+
+class RoleError(HTTPException):
+    """The role of a person is less than what they ask for takes."""
+
+    def __init__(self, person: Person, role: Role) -> None:
+        super().__init__(403, f"{person.name} may not do this: it takes the role {role.name.lower()}.")
+        self.person, self.role = person, role
 
 
 def person_of(guard: Guard, role: Role) -> Any:
@@ -73,10 +86,21 @@ def person_of(guard: Guard, role: Role) -> Any:
         if person is None:
             raise HTTPException(401, "Nobody is logged in. Log in first.", {"www-authenticate": "Session"})
         if person.role < role:
-            raise HTTPException(403, f"{person.name} may not do this: it takes the role {role.name.lower()}.")
+            raise RoleError(person, role)
         return person
 
     return Depends(found)
+
+
+def paced(person: Any, rate: RequestRate) -> Any:
+    """Give what refuses a session that asks too often. person: what finds it, as of `person_of`."""
+
+    async def checked(found: Annotated[Person, person]) -> None:
+        wait = math.ceil(rate.wait(found.token))
+        if wait:
+            raise HTTPException(429, f"Too many requests. Ask again in {wait} s.", {"retry-after": str(wait)})
+
+    return Depends(checked)
 
 
 def check_token(person: Person, token: str | None) -> None:

@@ -146,6 +146,14 @@ def test_what_cannot_be_done_says_why(local: Asked) -> None:
     assert local("GET", "/health").status_code == 503
 
 
+@pytest.mark.parametrize("what", ["", "/curves", "/report"])
+def test_a_store_that_cannot_be_read_is_told(local: Asked, what: str) -> None:
+    """What is to be seen of an asset is refused as the store says why, and seen when it can be read again."""
+    local.face.fails_each = 2
+    statuses = [local("GET", f"/api/v1/assets/tank_1{what}").status_code for _ in range(4)]
+    assert statuses == [200, 503, 200, 503]
+
+
 def test_a_failure_tells_nothing_of_the_inside(local: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
     """A mistake in the service gives 500 in the one shape, with the headers of all answers and no more."""
 
@@ -275,8 +283,11 @@ def test_the_description_is_complete(local: Asked) -> None:
         assert "421" in statuses
         assert path in {"/health", "/api/v1/login"} or {"401"} <= statuses, path
         assert method == "get" or {"403", "413"} <= statuses, path
+        assert "{asset}" not in path or "503" in statuses, path
+        assert "{asset}/" not in path or "429" in statuses, path
         assert ("{asset}" not in path and "{job}" not in path) or {"404", "422"} <= statuses, path
         for status, answer in item["responses"].items():
+            assert (status == "429") == ("Retry-After" in answer.get("headers", {})), path
             if status.startswith("4"):
                 assert answer["content"]["application/json"]["schema"]["$ref"].endswith("/RefusalShape"), path
     assert "HTTPValidationError" not in str(told)

@@ -571,7 +571,7 @@ def test_the_tour_is_offered_once_of_what_is_simulated(
 
 
 def test_the_page_asks_nobody_else(opened: Callable[..., Any], served: Served) -> None:
-    """The first load is small, comes from the service alone, breaks no rule of its policy, and is quick."""
+    """The first load is small, comes from the service alone, and breaks no rule of its policy."""
     page = opened()
     assert [url for url in page.asked if not url.startswith(served.address)] == []
     assert page.wrong == []
