@@ -220,11 +220,13 @@ class _Alarms:
 
 def _alarms(journal: Iterable[NamedRecord | Deed], of: str) -> _Alarms:
     """Give the alarms with which a journal ends, of records whose ids begin so."""
-    now = undone = _Alarms()
+    now, before = _Alarms(), list[_Alarms]()  # before: each decision that can be taken back
     for item in journal:
         if isinstance(item, Deed):
-            undone = now if item.action in DECISIONS else undone
-            now = undone if item.action is Action.UNDO else now
+            if item.action in DECISIONS:
+                before.append(now)
+            elif item.action is Action.UNDO and before:
+                now = before.pop()
         elif not item.id.startswith(of):
             continue
         elif item.kind == "detection":
