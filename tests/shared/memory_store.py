@@ -168,9 +168,20 @@ class MemoryStore:
         return iter(found if newest is None else found[len(found) - min(newest, len(found)) :])
 
     def journal(
-        self, asset: str | None = None, *, begin: float | None = None, end: float | None = None
+        self,
+        asset: str | None = None,
+        *,
+        kinds: Sequence[str] = (),
+        begin: float | None = None,
+        end: float | None = None,
+        newest: int | None = None,
     ) -> Iterator[NamedRecord | Deed]:
-        return (item for item, time in self.came if asset in (None, item.asset) and _inside(time, begin, end))
+        found = [item for item, time in self.came if asset in (None, item.asset) and _inside(time, begin, end)]
+        found = [item for item in found if isinstance(item, Deed) or not kinds or item.kind in kinds]
+        if newest is None:
+            return iter(found)
+        is_deed = [isinstance(item, Deed) for item in found]
+        return (item for k, item in enumerate(found) if is_deed[k:].count(is_deed[k]) <= newest)
 
     def curves(
         self, asset: str, begin: float | None = None, end: float | None = None, most: int | None = None

@@ -111,9 +111,18 @@ class LogStore(Protocol):
         """Give what was enrolled, that which was enrolled last at the end."""
 
     def journal(
-        self, asset: str | None = None, *, begin: float | None = None, end: float | None = None
+        self,
+        asset: str | None = None,
+        *,
+        kinds: Sequence[str] = (),
+        begin: float | None = None,
+        end: float | None = None,
+        newest: int | None = None,
     ) -> Iterator[NamedRecord | Deed]:
-        """Give records and deeds in the order in which they came, of a period as in `log_between`."""
+        """Give records and deeds in the order in which they came, of a period as in `log_between`.
+
+        kinds: of records; none: all. newest: only so many of the records, and so many of the deeds.
+        """
 
     def records(
         self,

@@ -135,10 +135,7 @@ class RelationalStore:
         newest: int | None = None,
     ) -> Iterator[NamedRecord]:
         """Give records in the order in which they came; see `contract.store.LogStore`."""
-        wanted, values = self._chosen(asset, begin, end)
-        if kinds:
-            wanted, values = f"{wanted} AND kind IN ({', '.join('?' * len(kinds))})", [*values, *kinds]
-        return (told for _, told in self._records(wanted, values, self._first("records", wanted, values, newest)))
+        return (told for _, told in self._told(asset, kinds, begin, end, newest))
 
     def deeds(self, asset: str | None = None, *, newest: int | None = None) -> Iterator[Deed]:
         """Give what people did, in order; `newest`: only so many."""
@@ -147,13 +144,19 @@ class RelationalStore:
         return (deed for _, deed in self._deeds(wanted, values, first))
 
     def journal(
-        self, asset: str | None = None, *, begin: float | None = None, end: float | None = None
+        self,
+        asset: str | None = None,
+        *,
+        kinds: Sequence[str] = (),
+        begin: float | None = None,
+        end: float | None = None,
+        newest: int | None = None,
     ) -> Iterator[NamedRecord | Deed]:
         """Give records and deeds in the order in which they came, of a period; see `contract.store.LogStore`."""
         wanted, values = self._chosen(asset, begin, end)
         found: list[Iterator[tuple[int, NamedRecord | Deed]]] = [
-            self._records(wanted, values),
-            self._deeds(wanted, values),
+            self._told(asset, kinds, begin, end, newest),
+            self._deeds(wanted, values, self._first("deeds", wanted, values, newest)),
         ]
         merged = heapq.merge(*found, key=itemgetter(0))
         return (item for _, item in merged)
@@ -473,6 +476,15 @@ class RelationalStore:
         while found := self._database.rows(statement, *values, first, PAGE):
             yield from found
             first = found[-1][0] + 1
+
+    def _told(
+        self, asset: str | None, kinds: Sequence[str], begin: float | None, end: float | None, newest: int | None
+    ) -> Iterator[tuple[int, NamedRecord]]:
+        """Give the records that are asked for, each with the number by which it came."""
+        wanted, values = self._chosen(asset, begin, end)
+        if kinds:
+            wanted, values = f"{wanted} AND kind IN ({', '.join('?' * len(kinds))})", [*values, *kinds]
+        return self._records(wanted, values, self._first("records", wanted, values, newest))
 
     def _records(self, wanted: str, values: Sequence[object], first: int = 0) -> Iterator[tuple[int, NamedRecord]]:
         """Give records that fulfil something, each with the number by which it came."""
