@@ -125,7 +125,7 @@ def bring(browser: Any, name: str) -> None:
         page.click("form button[type=submit]")
         page.wait_for_selector(f".job-name:text-is('{Path(recording).name}')")
     page.wait_for_selector(".job-candidates", timeout=120_000)
-    page.click(".told button")
+    page.wait_for_selector(".told:empty", state="attached")
     page.screenshot(path=Path(__file__).parent / name)
     page.close()
 

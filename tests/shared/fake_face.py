@@ -207,7 +207,7 @@ class FakeFace:
             "several": sum(row["group"] for row in rows) > 1,
             "checks": self._checks(rows),
             "notes": ["pressure gave no value from 12:02 to 12:04."] if name == "tank_2" else [],
-            "events": [{"text": "Fault detected at 2026-11-18 11:17:40 UTC; seen in flow.", "alarm": True}]
+            "events": [{"time": alarm["since"], "text": "Alarm raised, seen in flow.", "alarm": True, "behind": 0}]
             if alarm
             else [],
             "ranking": self._ranking(rows),

@@ -174,11 +174,14 @@ class MemoryStore:
         kinds: Sequence[str] = (),
         begin: float | None = None,
         end: float | None = None,
+        newest: int | None = None,
     ) -> Iterator[NamedRecord | Deed]:
-        for item, time in self.came:
-            is_wanted = not kinds or isinstance(item, Deed) or item.kind in kinds
-            if is_wanted and asset in (None, item.asset) and _inside(time, begin, end):
-                yield item
+        found = [item for item, time in self.came if asset in (None, item.asset) and _inside(time, begin, end)]
+        found = [item for item in found if isinstance(item, Deed) or not kinds or item.kind in kinds]
+        if newest is None:
+            return iter(found)
+        is_deed = [isinstance(item, Deed) for item in found]
+        return (item for k, item in enumerate(found) if is_deed[k:].count(is_deed[k]) <= newest)
 
     def curves(
         self, asset: str, begin: float | None = None, end: float | None = None, most: int | None = None

@@ -1,6 +1,7 @@
 // A plot over time on a canvas, in the colours and with the marks of the report.
 
-const FONT = '12px system-ui, "Segoe UI", "Helvetica Neue", Arial, "DejaVu Sans", sans-serif';
+const SIZE = 12; // px of its text, and in proportion to it all about the plot; more where the text of the page is large
+const FONT = 'system-ui, "Segoe UI", "Helvetica Neue", Arial, "DejaVu Sans", sans-serif';
 const LEFT = 52, TOP = 10, RIGHT = 12, BOTTOM = 24; // px about the area of the plot
 const FAR = 1e5;          // px; farther than this nothing is drawn
 const STEPS = [1, 2, 5, 10];
@@ -38,7 +39,7 @@ function clockTick(value, step) {
 // not those of the samples. unit: of the values. isBestFirst: they are probabilities, of which the first is on top.
 class Chart {
   constructor(place, { title, unit = "", lines, level = null, lowest = null, highest = null, isBestFirst = false }) {
-    Object.assign(this, { unit, lines, level, lowest, highest, isBestFirst, shade: null, scale: 1, places: 2 });
+    Object.assign(this, { unit, lines, level, lowest, highest, isBestFirst, shade: null, scale: 1, large: 1, places: 2 });
     this.forget();
     this.figure = document.createElement("figure");
     this.figure.innerHTML = '<figcaption><span class="what"></span><span class="in"></span><span class="legend"></span></figcaption><canvas role="img"></canvas>';
@@ -112,13 +113,14 @@ class Chart {
     this.places = Math.max(0, Math.min(6, 2 - orderOf((high - low) / this.scale)));
     const exponent = Math.round(Math.log10(this.scale));
     this.figure.querySelector(".in").textContent = `${exponent ? powerOfTen(exponent) + NO_BREAK : ""}${this.unit}`;
-    this.area = { left: LEFT, right: width - RIGHT, top: TOP, bottom: height - BOTTOM };
+    this.large = Math.max(1, Math.round(0.75 * parseFloat(getComputedStyle(document.documentElement).fontSize)) / SIZE);
+    this.area = { left: LEFT * this.large, right: width - RIGHT, top: TOP, bottom: height - BOTTOM * this.large };
     const { left, right, top, bottom } = this.area;
     const x = (time) => left + (right - left) * (time - view.begin) / (view.end - view.begin);
     const y = (value) => bottom - (bottom - top) * (value - low) / (high - low);
     pen.setTransform(dense, 0, 0, dense, 0, 0);
     pen.clearRect(0, 0, width, height);
-    pen.font = FONT;
+    pen.font = `${SIZE * this.large}px ${FONT}`;
     this.drawAxes(pen, view, low, high, x, y);
     pen.save();
     pen.beginPath();
@@ -132,8 +134,8 @@ class Chart {
 
   drawAxes(pen, view, low, high, x, y) {
     const { left, right, top, bottom } = this.area;
-    const values = ticksOf(low / this.scale, high / this.scale, (bottom - top) / 28);
-    const times = ticksOf(view.begin, view.end, (right - left) / 76, view.isClock);
+    const values = ticksOf(low / this.scale, high / this.scale, (bottom - top) / (28 * this.large));
+    const times = ticksOf(view.begin, view.end, (right - left) / (76 * this.large), view.isClock);
     pen.lineWidth = 1;
     pen.strokeStyle = paintOf("grid");
     pen.fillStyle = paintOf("soft");
@@ -187,15 +189,19 @@ class Chart {
       stroke(pen, left, at, right, at);
       write(pen, "limit", left + 6, at - 3, paintOf("level"), "left");
     }
+    let taken = [NaN, NaN], row = 0; // where the label before stands
     for (const { time, label } of view.marks) {
       if (time < view.begin || time > view.end) continue;
-      const at = x(time), isAlarm = label === "alarm", paint = paintOf(label);
+      const at = x(time), isAlarm = label === "alarm", paint = paintOf(label), width = pen.measureText(label).width + 8;
       pen.strokeStyle = paint;
       pen.lineWidth = 1.5;
       pen.setLineDash(isAlarm ? [] : [2, 4]);
       stroke(pen, at, top, at, bottom);
-      const isRight = isAlarm !== at > right - 50 && at > left + 50 || at <= left + 50;
-      write(pen, label, at + (isRight ? 5 : -5), top + 14, paint, isRight ? "left" : "right");
+      const isRight = isAlarm ? at + width <= right || at - width < left : at - width < left;
+      const box = isRight ? [at, at + width] : [at - width, at];
+      row = box[0] < taken[1] && taken[0] < box[1] ? row + 1 : 0;
+      taken = box;
+      write(pen, label, at + (isRight ? 5 : -5), top + 14 * this.large * (1 + row), paint, isRight ? "left" : "right");
     }
     pen.setLineDash([]);
     pen.lineWidth = 1;

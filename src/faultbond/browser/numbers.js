@@ -54,13 +54,13 @@ function exact(value, digits) {
 function numberText(value, sd, digits) {
   const found = figure(value, sd, digits);
   const isZero = !/[1-9a-z]/.test(found.value);
-  return isZero ? found.value.replace("-", "") : withPower(found.value, found.exponent);
+  return isZero ? found.value.replace("-", "") : withPower(found.value.replace("-", MINUS), found.exponent);
 }
 
 function bothText(value, sd) {
   const found = figure(value, sd);
-  found.value = found.value.replace("-", MINUS);
   if (!found.sd) return numberText(value, sd);
+  found.value = found.value.replace("-", MINUS);
   return found.exponent ? withPower(`(${found.value} ± ${found.sd})`, found.exponent) : `${found.value} ± ${found.sd}`;
 }
 

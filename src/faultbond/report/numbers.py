@@ -50,7 +50,9 @@ class Figure:
 
     def number(self, notation: Notation = Notation.FILE) -> str:
         """Give the value alone; zero has no power of ten."""
-        return self.value.strip("-") if not self.value.strip("-0.") else with_power(self.value, self.exponent, notation)
+        if not self.value.strip("-0."):
+            return self.value.strip("-")
+        return with_power(_signed(self.value, notation), self.exponent, notation)
 
     def both(self, notation: Notation = Notation.FILE) -> str:
         """Give value ± standard deviation."""
@@ -58,7 +60,12 @@ class Figure:
             return self.number(notation)
         if notation is Notation.FILE or self.exponent == 0:
             return f"{self.number(notation)} ± {with_power(self.sd, self.exponent, notation)}"
-        return with_power(f"({self.value} ± {self.sd})", self.exponent, notation)
+        return with_power(f"({_signed(self.value, notation)} ± {self.sd})", self.exponent, notation)
+
+
+def _signed(number: str, notation: Notation) -> str:
+    """Give a number with the minus sign of a notation."""
+    return number if notation is Notation.FILE else number.replace("-", MINUS)
 
 
 def with_power(mantissa: str, exponent: int, notation: Notation) -> str:

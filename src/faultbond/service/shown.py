@@ -1,27 +1,28 @@
 """What the page shows of an asset, in names and units of its model file; see `face` for the keys."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.contract.findings import Candidate, Diagnosis, History
+from faultbond.contract.findings import Candidate, Decider, Diagnosis, History
 from faultbond.contract.json_records import candidate_content
 from faultbond.contract.samples import Status
 from faultbond.io.out import finite
 from faultbond.model.graph import BondGraph, Unit
-from faultbond.report.numbers import Notation, unit_text
+from faultbond.report.numbers import NO_BREAK, Notation, join, probability_text, unit_text
 from faultbond.report.suspects import SuspectRow
 from faultbond.report.verdict import best_group, fault_probabilities, set_name, view_of
 from faultbond.runtime.names import candidate_names
 from faultbond.service.asset import Asset
 from faultbond.service.asset_status import BEGINNING, AssetStatus
 from faultbond.service.contract.face import Shown
-from faultbond.service.contract.messages import Action, Curves, Deed
+from faultbond.service.contract.messages import Action, Curves, Deed, NamedRecord
 from faultbond.service.sinks.measures import AssetMeasures
 
+EVENTS = ("detection", "accepted")  # kinds of records that stand in the journal beside what people did
 RANKED = 6  # candidates whose probability is drawn over time
 _DECIDE = (Action.ACCEPT, Action.REJECT, Action.REPAIRED)
 
@@ -72,13 +73,16 @@ def asset_of(
     asset: Asset,
     summary: Shown,
     drawing: str,
-    deeds: Iterable[Deed],
+    journal: Sequence[NamedRecord | Deed],
     counts: Mapping[str, int],
     *,
     absence: str,
     now: float,
 ) -> Shown:
-    """Give all that is shown of an asset. counts: of its source; absence: why it is not watched now, or empty."""
+    """Give all that is shown of an asset.
+
+    journal: records of `EVENTS` and deeds; counts: of its source; absence: why it is not watched now, or empty.
+    """
     graph, spec, history = asset.plant.graph, asset.spec, asset.history()
     view = view_of(graph, history, asset.run.counts(), Notation.PRINT)
     diagnosis = view.diagnosis
@@ -102,13 +106,13 @@ def asset_of(
         "contradicted": bool(view.contradicted),
         "checks": [{"what": row.action, "why": f"tells {row.parts}"} for row in view.checks],
         "notes": list(view.notes),
-        "events": [{"text": text, "alarm": alarm} for text, alarm in view.events],
+        "events": events_of(journal),
         "ranking": _ranking(graph, history),
         "counts": {
             **{key: n for key, n in (asdict(asset.counts) | {"wild": asset.wild}).items() if n},
             **{k: n for k, n in counts.items() if n},
         },
-        "journal": journal_of(deeds),
+        "journal": journal_of(item for item in journal if isinstance(item, Deed)),
         "may": [action.value for action in (*asset.alarm.allows(now), *decide, *take_back)],
     }
 
@@ -158,6 +162,30 @@ def journal_of(deeds: Iterable[Deed]) -> list[Shown]:
         }
         for deed in reversed(listed)
     ]
+
+
+def events_of(journal: Iterable[NamedRecord | Deed]) -> list[Shown]:
+    """Give what happened by itself, newest first: alarms, and what a rule accepted; what people accept is a deed."""
+    events, behind = list[Shown](), 0
+    for item in journal:
+        if isinstance(item, Deed):
+            behind = item.number
+        elif item.kind == "detection" or item.content["by"] == Decider.RULE.value:
+            alarm = item.kind == "detection"
+            text = _event_text(item.content)
+            events.append(finite({"time": item.time, "text": text, "alarm": alarm, "behind": behind}))
+    return events[::-1]
+
+
+def _event_text(content: Mapping[str, Any]) -> str:
+    """Say in a sentence that an alarm was raised, by what, or that it ended, and why."""
+    if content["record"] == "accepted":
+        percent = probability_text(content["probability"])
+        return f"Alarm ended: a rule accepted {join(content['components'])} ({percent}{NO_BREAK}%)."
+    if content.get("walk"):
+        return f"Alarm raised, as {content['walk']['parameter']} had to move too far."
+    seen = f", seen in {join(content['signals'])}" if content["signals"] else ""
+    return f"Alarm raised{seen}."
 
 
 def curves_of(graph: BondGraph, curves: Curves | None) -> Shown:

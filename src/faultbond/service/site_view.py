@@ -15,14 +15,14 @@ from faultbond.service.asset_status import AssetStatus, asset_status
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import Arrivals, Monitoring
 from faultbond.service.contract.store import LogStore
-from faultbond.service.shown import asset_of, curves_of, journal_of, measures_of, summary_of
+from faultbond.service.shown import EVENTS, asset_of, curves_of, journal_of, measures_of, summary_of
 from faultbond.service.sinks.measures import AssetMeasures
 from faultbond.service.site import Site
 from faultbond.service.site_log import Done, SiteLog
 from faultbond.service.sources.queue import DROPPED
 from faultbond.service.supervisor import ServicePart
 
-JOURNAL = 200  # newest deeds that are shown
+JOURNAL = 200  # newest deeds, and events, that are shown
 NOTES = 3  # newest remarks about the service that are
 
 
@@ -190,9 +190,10 @@ class SiteView:
         return summary_of(asset, stands, since=seen.since, now=now)
 
     def _asset(self, asset: Asset) -> Shown:
-        deeds = self._store.deeds(asset.name, newest=JOURNAL)
+        journal = [*self._store.journal(asset.name, kinds=EVENTS, newest=JOURNAL)]
         summary, counts, absence = self._summary(asset), self._seen[asset.name].counts, self._stands(asset).absence
-        shown = asset_of(asset, summary, self._drawings[asset.name], deeds, counts, absence=absence, now=self._clock())
+        drawing, now = self._drawings[asset.name], self._clock()
+        shown = asset_of(asset, summary, drawing, journal, counts, absence=absence, now=now)
         picture = self._pictures[asset.name]
         more = {"picture": "" if picture is None else picture.tag, "notes": [*self._notes, *shown["notes"]]}
         return shown | more

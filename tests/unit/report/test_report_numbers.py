@@ -58,6 +58,9 @@ def test_two_digits_are_told_without_a_power_of_ten_where_that_is_short(value: f
 def test_print_notation_raises_powers() -> None:
     """In print powers and units are raised and percent is a sign."""
     assert figure(4.43e11, 6e9).both(Notation.PRINT) == "(4.43 ± 0.06) \N{MULTIPLICATION SIGN} 10¹¹"
+    assert figure(-0.294).number(Notation.PRINT) == "\N{MINUS SIGN}0.294"
+    assert figure(-4.43e11, 6e9).both(Notation.PRINT) == "(\N{MINUS SIGN}4.43 ± 0.06) \N{MULTIPLICATION SIGN} 10¹¹"
+    assert figure(-0.294).number() == "-0.294"
     assert unit_text("Pa^0.5*s/m^3/percent^2", Notation.PRINT) == "Pa^0.5·s/m³/%²"
     assert unit_text("Pa*s^2/m^6", Notation.FILE) == "Pa*s^2/m^6"
 

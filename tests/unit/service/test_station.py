@@ -13,7 +13,7 @@ from faultbond.errors import FaultbondError, StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.asset import Asset
 from faultbond.service.contract.face import Request
-from faultbond.service.contract.messages import Action, Arrivals, AuditEntry, Deed
+from faultbond.service.contract.messages import Action, Arrivals, AuditEntry, Deed, NamedRecord
 from faultbond.service.contract.offline import FileKind
 from faultbond.service.contract.store import Commit, Forgotten
 from faultbond.service.offline.desk import OfflineDesk
@@ -36,11 +36,11 @@ class FailingStore(MemoryStore):
     def reserve(self) -> str:
         return self.lack
 
-    def deeds(self, asset: str | None = None, *, newest: int | None = None) -> Iterator[Deed]:
+    def journal(self, asset: str | None = None, **wanted: Any) -> Iterator[NamedRecord | Deed]:
         if self.unread:
             self.unread -= 1
             raise StoreError("kept.sqlite: the server is gone.")
-        return super().deeds(asset, newest=newest)
+        return super().journal(asset, **wanted)
 
     def commit(self, parts: Sequence[Commit]) -> None:
         if self.failures:
@@ -74,6 +74,9 @@ def test_an_alarm_is_shown_acknowledged_and_accepted() -> None:
         asset = played.service.asset("loop")
         assert "undo" in asset["may"]
         assert [item["action"] for item in asset["journal"]] == ["accept", "acknowledge"]
+        (event,) = asset["events"]
+        assert event["text"].startswith("Alarm raised, seen in ")
+        assert (event["alarm"], event["behind"]) == (True, 0)
         await played.do(Action.UNDO)
         assert played.summary["status"] == "FAILURE"
         assert played.service.asset("loop")["journal"][1]["undone_by"] == 3

@@ -40,10 +40,10 @@ class Face(Protocol):
     `signals` (list of `name`, `role` sensor or input, `unit`, `in_use`), `cusum_limit`, `verdict` (sentences), `rows`
     (candidates: `suspects` as a list of `name`, `component`, `nominal`, `estimate`, `sd`, `change` as texts with units;
     `kinds`, a list of texts, `probability`, `percent`, `group`), `several` (whether they cannot be told apart),
-    `checks` (list of `what`, `why`), `notes`, `events` (list of `text`, `alarm`), `ranking` (probability over time of
-    the candidates: `time`, `names`, and `probability`, for each name a list as long as `time`), `counts` (by name),
-    `journal` (newest first: `number`, `at`, `who`, `action`, `comment`, `target`, `undone_by`), `may` (the actions that
-    make sense now).
+    `checks` (list of `what`, `why`), `notes`, `events` (newest first: `time`, `text`, `alarm`, `behind`), `ranking`
+    (probability over time of the candidates: `time`, `names`, and `probability`, for each name a list as long as
+    `time`), `counts` (by name), `journal` (newest first: `number`, `at`, `who`, `action`, `comment`, `target`,
+    `undone_by`), `may` (the actions that make sense now).
 
     Curves: `time`, `inputs`, `measured`, `expected`, `sd`, `cusum`; all but the first and last two by signal, in its
     unit; `sd`, `cusum` by sensor.

@@ -117,8 +117,12 @@ class LogStore(Protocol):
         kinds: Sequence[str] = (),
         begin: float | None = None,
         end: float | None = None,
+        newest: int | None = None,
     ) -> Iterator[NamedRecord | Deed]:
-        """Give records, of all kinds or some, and deeds as they came, of a period as in `log_between`."""
+        """Give records and deeds in the order in which they came, of a period as in `log_between`.
+
+        kinds: of records; none: all. newest: only so many of the records, and so many of the deeds.
+        """
 
     def records(
         self,

@@ -135,8 +135,7 @@ class RelationalStore:
         newest: int | None = None,
     ) -> Iterator[NamedRecord]:
         """Give records in the order in which they came; see `contract.store.LogStore`."""
-        wanted, values = self._chosen(asset, begin, end, kinds)
-        return (told for _, told in self._records(wanted, values, self._first("records", wanted, values, newest)))
+        return (told for _, told in self._told(asset, kinds, begin, end, newest))
 
     def deeds(self, asset: str | None = None, *, newest: int | None = None) -> Iterator[Deed]:
         """Give what people did, in order; `newest`: only so many."""
@@ -151,11 +150,13 @@ class RelationalStore:
         kinds: Sequence[str] = (),
         begin: float | None = None,
         end: float | None = None,
+        newest: int | None = None,
     ) -> Iterator[NamedRecord | Deed]:
         """Give records and deeds in the order in which they came, of a period; see `contract.store.LogStore`."""
+        wanted, values = self._chosen(asset, begin, end)
         found: list[Iterator[tuple[int, NamedRecord | Deed]]] = [
-            self._records(*self._chosen(asset, begin, end, kinds)),
-            self._deeds(*self._chosen(asset, begin, end)),
+            self._told(asset, kinds, begin, end, newest),
+            self._deeds(wanted, values, self._first("deeds", wanted, values, newest)),
         ]
         merged = heapq.merge(*found, key=itemgetter(0))
         return (item for _, item in merged)
@@ -479,6 +480,13 @@ class RelationalStore:
         while found := self._database.rows(statement, *values, first, PAGE):
             yield from found
             first = found[-1][0] + 1
+
+    def _told(
+        self, asset: str | None, kinds: Sequence[str], begin: float | None, end: float | None, newest: int | None
+    ) -> Iterator[tuple[int, NamedRecord]]:
+        """Give the records that are asked for, each with the number by which it came."""
+        wanted, values = self._chosen(asset, begin, end, kinds)
+        return self._records(wanted, values, self._first("records", wanted, values, newest))
 
     def _records(self, wanted: str, values: Sequence[object], first: int = 0) -> Iterator[tuple[int, NamedRecord]]:
         """Give records that fulfil something, each with the number by which it came."""

@@ -167,10 +167,12 @@ class CheckShape(Shape):
 
 
 class EventShape(Shape):
-    """What happened, in a sentence. alarm: it is one."""
+    """What happened by itself. time: of samples. alarm: one was raised. behind: number of the entry before."""
 
+    time: Finite
     text: str
     alarm: bool
+    behind: int
 
 
 class RankingShape(Shape):

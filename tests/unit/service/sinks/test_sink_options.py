@@ -143,6 +143,7 @@ def test_the_site_of_the_page_is_one(tmp_path: Path) -> None:
     (text,) = [block for block in re.findall(r"```text\n(.*?)```", page, flags=re.S) if "\ntell:" in block]
     for name in ("pump.yaml", "tank.yaml"):
         (tmp_path / name).write_text(MODEL.read_text())
+    (tmp_path / "tank.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><rect id="R"/></svg>')
     for name in ("hook.txt", "token.txt", "secret.txt"):
         (tmp_path / name).write_text("0123456789abcdef\n")
     assert "scrypt$..." in text

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields
-from itertools import product
 from pathlib import Path
 from tempfile import mkdtemp
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -184,10 +184,9 @@ class AnySequence(RuleBasedStateMachine):
                 return
         found, expected = (flat(store.log_between(asset, begin, end, model)) for store in (self.store, self.slow))
         assert found == expected
-        for of, kinds in product((asset, None), ((), ("detection",))):
-            assert list(self.store.journal(of, kinds=kinds, begin=begin, end=end)) == list(
-                self.slow.journal(of, kinds=kinds, begin=begin, end=end)
-            )
+        for of, kinds, newest in ((asset, (), None), (None, (), None), (asset, ("detection", "accepted"), 2)):
+            wanted: dict[str, Any] = {"kinds": kinds, "begin": begin, "end": end, "newest": newest}
+            assert list(self.store.journal(of, **wanted)) == list(self.slow.journal(of, **wanted))
 
     @rule(asset=st.sampled_from(ASSETS), rows=st.integers(0, 40), deeds=st.integers(0, 4))
     def read_behind(self, asset: str, rows: int, deeds: int) -> None:

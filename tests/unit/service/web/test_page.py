@@ -176,7 +176,7 @@ def test_on_a_phone_less_is_open_and_the_rest_a_key_away(opened: Callable[..., A
     """What is wrong and what may be at fault stand there; the plots are drawn once they are opened, and stay open."""
     page = opened("#/tank_2", 390, ready=".candidates li")
     assert page.locator("details[open]").count() == 0
-    folded = page.locator("summary").all_inner_texts()
+    folded = page.locator("main summary").all_inner_texts()
     assert folded == ["Plant", "Probability over time", "Measured and expected", "Journal", "Data"]
     height, all_open = "document.documentElement.scrollHeight", opened("#/tank_2", 390, ready=".candidates li")
     unfold(all_open)
@@ -192,7 +192,7 @@ def test_on_a_phone_less_is_open_and_the_rest_a_key_away(opened: Callable[..., A
     page.wait_for_timeout(300)
     assert page.locator(".panel.trends details").get_attribute("open") is not None
     page.set_viewport_size({"width": 1280, "height": 900})
-    until(page, "document.querySelectorAll('details:not([open])').length === 0")
+    until(page, "document.querySelectorAll('main details:not([open])').length === 0")
     until(page, INK)
     assert page.wrong == []
 
@@ -201,8 +201,8 @@ def test_on_a_screen_all_is_open(opened: Callable[..., Any]) -> None:
     """Nothing folds there by a click, and the keyboard does not stop at headings."""
     page = opened("#/tank_2")
     page.click(".panel.trends summary")
-    assert page.locator("details:not([open])").count() == 0
-    assert page.evaluate("[...document.querySelectorAll('summary')].every((item) => item.tabIndex === -1)")
+    assert page.locator("main details:not([open])").count() == 0
+    assert page.evaluate("[...document.querySelectorAll('main summary')].every((item) => item.tabIndex === -1)")
 
 
 def test_the_overview_tells_what_needs_attention(opened: Callable[..., Any]) -> None:
@@ -803,3 +803,226 @@ def test_the_desk_is_an_engineers(browser: Any, users: dict[str, tuple[str, Role
     assert "plant-2026" not in page.inner_text("body")
     page.close()
     served.stop()
+
+
+def shown_otherwise(face: FakeFace, name: str, monkeypatch: pytest.MonkeyPatch, **keys: Any) -> None:
+    """Let a service show some keys of an asset otherwise; `summary` and `alarm`: some of theirs."""
+    asset, summary = face.asset, face.summary
+    alarm, of_summary = keys.pop("alarm", {}), keys.pop("summary", {})
+
+    def changed(of: str) -> dict[str, Any]:
+        told = {**summary(of), **(of_summary if of == name else {})}
+        return {**told, "alarm": {**told["alarm"], **alarm}} if of == name and told["alarm"] else told
+
+    monkeypatch.setattr(face, "summary", changed)
+    monkeypatch.setattr(face, "asset", lambda of: {**asset(of), **(keys if of == name else {}), "summary": changed(of)})
+
+
+def test_a_diagnosis_that_is_being_worked_out_is_told(
+    opened: Callable[..., Any], served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Right after an alarm there are no candidates yet, which is not that there is no alarm."""
+    none: dict[str, Any] = {"time": [], "names": [], "probability": []}
+    shown_otherwise(served.face, "tank_2", monkeypatch, rows=[], several=False, checks=[], ranking=none)
+    page = opened("#/tank_2")
+    assert page.inner_text(".group-hint").startswith("The diagnosis is being worked out")
+    assert opened("#/tank_1").inner_text(".group-hint") == "No alarm is open."
+    box, panel = page.locator(".group-hint").bounding_box(), page.locator(".panel.explanations").bounding_box()
+    assert panel["height"] < box["height"] + 80, "a box with a line in it is not as large as the drawing"
+
+
+def test_the_journal_has_what_happened_by_itself(
+    opened: Callable[..., Any], served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An alarm, and what a rule accepted, stand between what people did, in the order in which they came."""
+    ended = {"time": 1504.0, "text": "Alarm ended: a rule accepted pipe (99.3 %).", "alarm": False, "behind": 1}
+    raised = {"time": 1404.0, "text": "Alarm raised, seen in flow.", "alarm": True, "behind": 0}
+    shown_otherwise(served.face, "tank_3", monkeypatch, events=[ended, raised])
+    lines = [text.replace("\u00a0", " ") for text in opened("#/tank_3").locator(".journal li").all_inner_texts()]
+    assert "1504 s\nAlarm ended: a rule accepted pipe" in lines[0]
+    assert "m.weber acknowledged" in lines[1]
+    assert "1404 s\nAlarm raised, seen in flow." in lines[2]
+    assert opened("#/tank_1").inner_text(".journal") == "Nothing has happened yet."
+
+
+LABELS = """() => { window.labels = [];
+  const fill = CanvasRenderingContext2D.prototype.fillText;
+  CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+    const { width } = this.measureText(text), from = this.textAlign === "right" ? x - width : x;
+    if (text === "onset" || text === "alarm") window.labels.push([from, from + width, y, this.canvas.clientWidth]);
+    fill.call(this, text, x, y);
+  };
+  dispatchEvent(new Event("resize")); }"""
+
+
+@pytest.mark.parametrize(("onset", "alarm"), [(0, 0), (3, 0), (30, 0), (898, 895), (400, 398)])
+def test_labels_of_marks_can_be_read(
+    opened: Callable[..., Any], served: Served, monkeypatch: pytest.MonkeyPatch, onset: int, alarm: int
+) -> None:
+    """They stand in the plot and beside each other, also where both are at an edge; samples before the last."""
+    last = served.face.time(served.face.now)
+    shown_otherwise(served.face, "tank_2", monkeypatch, alarm={"change_time": last - onset, "time": last - alarm})
+    page = opened("#/tank_2")
+    until(page, INK)
+    page.evaluate(LABELS)
+    until(page, "window.labels.length > 1")
+    one, other = page.evaluate("window.labels.slice(0, 2)")
+    for begin, end, _, width in (one, other):
+        assert 0 <= begin < end <= width
+    assert one[1] <= other[0] or other[1] <= one[0] or abs(one[2] - other[2]) >= 12
+
+
+RANGE = "(told) => document.querySelector('.range').textContent === told"
+
+
+def test_a_plot_begins_with_the_first_sample(
+    opened: Callable[..., Any], served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a short record no time before it is shown, whatever is pressed, and the minus signs are one."""
+    known = served.face.curves
+
+    def short(name: str, begin: float | None, end: float | None, most: int) -> dict[str, Any]:
+        told = known(name, None, None, 20)
+        inside = [k for k in range(20) if (begin is None or k >= begin) and (end is None or k <= end)]
+        cut = {key: {of: [line[k] for k in inside] for of, line in told[key].items()} for key in told if key != "time"}
+        return {"time": [float(k) for k in inside], **cut}
+
+    monkeypatch.setattr(served.face, "curves", short)
+    shown_otherwise(served.face, "tank_1", monkeypatch, summary={"time": 19.0, "samples": 20})
+    page = opened("#/tank_1")
+    whole = "Now: 0\u00a0s to 19\u00a0s"
+    until(page, RANGE, whole)
+    for button in ("Earlier", "Wider", "Closer", "Earlier", "Wider", "Back to now"):
+        page.click(f"button:text-is('{button}'):enabled")
+        page.wait_for_timeout(200)
+        assert re.match(r"(Now|Past): \d+\s", page.inner_text(".range"))
+    page.evaluate("document.querySelector('option[value=\"60\"]').value = 10")
+    page.select_option(".tools select", "10")
+    until(page, RANGE, "Now: 9\u00a0s to 19\u00a0s")
+    for _ in range(3):
+        page.click("button:text-is('Earlier')")
+        page.wait_for_timeout(200)
+    assert page.inner_text(".range") == "Past: 0\u00a0s to 10\u00a0s"
+    assert page.evaluate("numberText(-0.294)") == "\N{MINUS SIGN}0.294"
+    assert page.wrong == []
+
+
+def test_without_a_sample_there_is_no_axis(
+    opened: Callable[..., Any], served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is drawn of an asset of which nothing came yet."""
+    empty: dict[str, Any] = {"time": [], **{of: {} for of in ("inputs", "measured", "expected", "sd", "cusum")}}
+    monkeypatch.setattr(served.face, "curves", lambda *_: empty)
+    shown_otherwise(served.face, "motor_2", monkeypatch, summary={"time": None, "samples": 0})
+    page = opened("#/motor_2")
+    until(page, "document.querySelector('.range').textContent === 'No sample has come yet'")
+    assert page.locator(".charts").is_hidden()
+    assert "no, no data come" in page.inner_text("dl.facts")
+
+
+SOON = "{ const usual = setInterval; setInterval = (act, each) => usual(act, each === 8000 ? 300 : each); }"
+
+
+def test_what_was_told_goes_by_itself(browser: Any, served: Served) -> None:
+    """It stays for some seconds, which are shorter here, and longer under a pointer."""
+    page = browser.new_page()
+    page.add_init_script(SOON)
+    page.goto(served.address + "#/tank_2")
+    page.click("button[data-action=acknowledge]")
+    page.click("dialog button[type=submit]")
+    page.wait_for_selector("#told button")
+    page.hover("#told")
+    page.wait_for_timeout(700)
+    assert "Kept as entry" in page.inner_text("#told")
+    page.hover("h1")
+    until(page, "document.getElementById('told').textContent === ''")
+    page.close()
+
+
+LONG = "sensor_fault_on_a_tank_with_a_long_name"
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_long_names_fit(
+    opened: Callable[..., Any], served: Served, monkeypatch: pytest.MonkeyPatch, width: int
+) -> None:
+    """A name without a place to break it stays in the window, and the header has room about its text."""
+    site, asset = served.face.site, served.face.asset
+    of_long = {**asset("tank_2"), "summary": {**served.face.summary("tank_2"), "name": LONG}}
+    named = {"name": "Water works of the northern district and its outposts"}
+    monkeypatch.setattr(
+        served.face, "site", lambda: {**site(), **named, "assets": [*site()["assets"], of_long["summary"]]}
+    )
+    monkeypatch.setattr(served.face, "asset", lambda name: of_long if name == LONG else asset(name))
+    page = opened(f"#/{LONG}", width, ready=".candidates li")
+    assert not is_overfull(page)
+    header, name = page.locator(".top").bounding_box(), page.locator("#home").bounding_box()
+    assert name["y"] - header["y"] >= 5
+    assert name["width"] > 0.6 * width or name["height"] < 30, "not a word a line"
+
+
+def test_a_wall_screen_is_read_from_afar(opened: Callable[..., Any]) -> None:
+    """The text grows with the screen, within reason, that of the plots too."""
+    sizes = []
+    for width in (1280, 2560, 3840, 7680):
+        page = opened("#/tank_2", width)
+        sizes.append(page.evaluate("parseFloat(getComputedStyle(document.documentElement).fontSize)"))
+        assert not is_overfull(page)
+    assert sizes[0] == 15
+    assert 20 < sizes[1] < sizes[2] <= sizes[3] <= 36
+
+
+def test_what_is_typed_is_shown_as_that(
+    opened: Callable[..., Any], served: Served, monkeypatch: pytest.MonkeyPatch, axe: str
+) -> None:
+    """Words between backticks are code, and of a verdict the first sentence alone is bold."""
+    verdict = "Most likely the model is off: K1 is 2.4 `m`. `faultbond fit` finds what it leaves out."
+    shown_otherwise(served.face, "tank_2", monkeypatch, verdict=verdict)
+    page = opened("#/tank_2")
+    assert page.locator(".sentences p").all_inner_texts() == [
+        "Most likely the model is off: K1 is 2.4 m.",
+        "faultbond fit finds what it leaves out.",
+    ]
+    assert page.locator(".sentences code").all_inner_texts() == ["m", "faultbond fit"]
+    assert violations(page, axe) == []
+
+
+def test_what_makes_no_sense_is_not_offered(
+    opened: Callable[..., Any], served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without an alarm there is none to shelve; sources are listed for who asks, and samples counted once."""
+    shown_otherwise(
+        served.face, "tank_1", monkeypatch, may=["shelve", "suppress", "out of service"], counts={"samples": 716}
+    )
+    page = opened("#/tank_1")
+    assert page.locator(".verdict [data-action]").all_inner_texts() == ["Take out of service"]
+    assert "716" not in page.inner_text("main")
+    assert page.locator("footer li").is_hidden()
+    page.click("footer summary")
+    assert page.inner_text("footer li") == served.face.site()["source"]
+
+
+def test_it_says_whose_clock_it_is(opened: Callable[..., Any], served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where samples are ahead of the service's clock that is said, and `since` is by one clock for all."""
+    now = time.time()
+    ahead = {"since": now + 230, "time": now + 230, "change_time": now + 220}
+    shown_otherwise(served.face, "tank_2", monkeypatch, summary={"time": now + 240, "since": now - 60}, alarm=ahead)
+    shown_otherwise(served.face, "tank_1", monkeypatch, summary={"time": now})
+    shown_otherwise(
+        served.face, "tank_3", monkeypatch, summary={"time": 1510.0, "since": now}, alarm={"since": 7.3, "time": None}
+    )
+    facts = opened("#/tank_2").inner_text("dl.facts")
+    assert re.search(r"Clock of its source\s+(4|3\.\d)\smin ahead; alarm, onset and last sample are by it", facts)
+    assert "Clock of its source" not in opened("#/tank_1").inner_text("dl.facts")
+    assert re.search(r"Alarm ended\s+7\.3\ss", opened("#/tank_3").inner_text("dl.facts"))
+    cells = opened().locator("section[aria-labelledby=of-attention] td.moment").all_inner_texts()
+    assert all(text.endswith("UTC") for text in cells)
+    assert cells[0] == time.strftime("%H:%M:%S UTC", time.gmtime(now - 60)).replace(" ", "\u00a0")
+
+
+def test_a_report_can_be_kept(opened: Callable[..., Any]) -> None:
+    """Beside the report in a tab of its own is the same as a file with the name of the asset."""
+    page = opened("#/tank_2")
+    with page.expect_download() as found:
+        page.get_by_label("Download report").click()
+    assert found.value.suggested_filename == "tank_2.html"

@@ -2,7 +2,7 @@
 
 import { reportPath } from "./connection.js";
 import { ACTIONS, askFor, titleOf } from "./deeds.js";
-import { alarmMark, capital, conditionOf, countText, make, momentText, percentText, renew, symbol } from "./elements.js";
+import { alarmMark, capital, conditionOf, countText, headOf, make, momentText, ownClockText, percentText, renew, reportLinks, symbol, worded } from "./elements.js";
 import { Picture } from "./picture.js";
 import { Chances, Trends } from "./trends.js";
 
@@ -10,6 +10,8 @@ const SHOWN = 8;        // candidates that are listed; more on demand
 const NEGLIGIBLE = 0.001;
 const ENTRIES = 12;     // of the journal
 const COUNTS = { missing: "missing", late: "late", duplicate: "twice", dropped: "dropped", bad: "of bad quality", uncertain: "of uncertain quality" };
+const WATCHED = { "alarms on": "yes, alarms are on", waiting: "not yet", outside: "not here: the model does not hold", initialising: "not yet", "no data": "no, no data come", stopped: "no" };
+const OF_ALARMS = ["shelve", "suppress"]; // what is offered only where there is one
 const ORDER = ["acknowledge", "shelve", "unshelve", "unsuppress", "in service", "accept", "reject", "repaired", "suppress", "out of service"];
 
 const panel = (name, title, ...content) =>
@@ -106,32 +108,34 @@ export class AssetView {
     this.showButtons(asset, state);
   }
 
-  showHead({ summary, verdict, events }, condition) {
+  showHead({ summary, verdict }, condition) {
     const { alarm, monitoring, operation, time, samples, since } = summary;
     renew(this.title, { condition, alarm, model: summary.model }, () => [
       make("h1", { id: "asset-title" }, this.name, make("span", { class: "model" }, summary.model)),
       make("p", { class: `condition ${condition.key}` }, symbol(condition), make("b", {}, condition.word), make("span", { class: "moment" }, `since ${momentText(since)}`), alarmMark(alarm)),
     ]);
-    renew(this.sentences, { verdict, last: events }, () => [verdict].flat().map((text, k) => make("p", { class: k ? "" : "first" }, text)));
-    const facts = [];
+    renew(this.sentences, verdict, () => headOf([verdict].flat().join(" ")).map((text, k) => make("p", { class: k ? "" : "first" }, worded(text))));
+    const facts = [], ownClock = ownClockText(summary, this.state);
     if (alarm) {
-      if (alarm.since != null) facts.push(["Alarm", clockText(Math.round(alarm.since))]); // none was ever raised where it was only put aside
-      if (alarm.change_time != null) facts.push(["Estimated onset", clockText(Math.round(alarm.change_time))]);
+      if (alarm.since != null) facts.push([alarm.time == null ? "Alarm ended" : "Alarm", momentText(alarm.since)]); // none was ever raised where it was only put aside
+      if (alarm.change_time != null) facts.push(["Estimated onset", momentText(alarm.change_time)]);
       if (alarm.signals.length) facts.push(["Seen in", joined(alarm.signals)]);
     }
-    facts.push(["Watching", monitoring === "running" ? operation : monitoring], ["Last sample", momentText(time)], ["Samples", countText(samples)]);
+    facts.push(["Watched", WATCHED[monitoring] ?? WATCHED[operation] ?? operation], ["Last sample", momentText(time)], ["Samples", countText(samples)]);
+    if (ownClock) facts.push(["Clock of its source", `${ownClock}; ${alarm ? "alarm, onset and last sample are" : "the last sample is"} by it`]);
     renew(this.facts, facts, () => facts.map(([label, text]) => make("div", {}, make("dt", {}, label), make("dd", {}, text))));
   }
 
   showButtons(asset, { me, isLost }) {
-    const offered = ORDER.filter((action) => asset.may.includes(action) && me.actions.includes(action));
+    const hasAlarm = Boolean(asset.summary.alarm);
+    const offered = ORDER.filter((action) => asset.may.includes(action) && me.actions.includes(action) && (hasAlarm || !OF_ALARMS.includes(action)));
     const isHeld = isLost;
     renew(this.buttons, { offered, isHeld }, () => [false, true].map((isDecision) => {
       const some = offered.filter((action) => Boolean(ACTIONS[action].isDecision) === isDecision);
       return some.length ? make("div", { class: "button-group", role: "group", "aria-label": isDecision ? "About the diagnosis" : "About the alarm" },
         make("span", { class: "of" }, isDecision ? "Diagnosis" : "Alarm"),
         some.map((action) => this.button(action, isHeld))) : null;
-    }).concat(make("a", { class: "report", href: reportPath(this.name), target: "_blank", rel: "noopener" }, "Report")));
+    }).concat(reportLinks(reportPath(this.name), `${this.name}.html`, "Report")));
   }
 
   button(action, isHeld, entry = null) {
@@ -162,30 +166,37 @@ export class AssetView {
 
   showData() {
     const { counts, signals, notes } = this.asset;
-    renew(this.quality, counts, () => Object.entries(counts).map(([name, number]) =>
+    const wrong = Object.entries(counts).filter(([name]) => name !== "samples"); // they stand in the head, and grow with each sample
+    renew(this.quality, wrong, () => wrong.map(([name, number]) =>
       make("div", { class: number ? "is-some" : "" }, make("dt", {}, COUNTS[name] ?? name), make("dd", {}, countText(number)))));
     const unused = signals.filter((item) => !item.in_use);
     renew(this.signals, signals, () => [
       make("li", {}, `${signals.length - unused.length} of ${signals.length} signals in use`),
       ...unused.map((item) => make("li", { class: "is-unused" }, `${item.name} is not used now`)),
     ]);
-    renew(this.notes, notes, () => notes.map((text) => make("li", {}, text)));
+    renew(this.notes, notes, () => notes.map((text) => make("li", {}, worded(text))));
   }
 
   showJournal() {
-    const { journal, may } = this.asset, isHeld = this.state.isLost;
-    const mayUndo = may.includes("undo") && this.state.me.actions.includes("undo");
-    const shown = journal.slice(0, this.entries);
-    renew(this.journal, { shown, mayUndo, isHeld }, () => {
-      if (!journal.length) return make("li", { class: "hint" }, "Nobody has done anything yet.");
-      return shown.map((entry) => entryOf(entry, mayUndo && !entry.undone_by && entry.action !== "undo" ? this.button("undo", isHeld, entry) : null));
+    const { journal, events, may, summary } = this.asset, isHeld = this.state.isLost;
+    const mayUndo = may.includes("undo") && this.state.me.actions.includes("undo"), ownClock = ownClockText(summary, this.state);
+    // The newest first: what happened by itself tells behind which entry it came, since clocks may differ.
+    const all = [...events, ...journal].sort((one, other) => (other.number ?? other.behind + 0.5) - (one.number ?? one.behind + 0.5));
+    const shown = all.slice(0, this.entries);
+    renew(this.journal, { shown, mayUndo, isHeld, isOwn: Boolean(ownClock) }, () => {
+      if (!all.length) return make("li", { class: "hint" }, "Nothing has happened yet.");
+      return shown.map((entry) => entry.number == null ? eventOf(entry, ownClock)
+        : entryOf(entry, mayUndo && !entry.undone_by && entry.action !== "undo" ? this.button("undo", isHeld, entry) : null));
     });
-    this.older.hidden = shown.length === journal.length;
+    this.older.hidden = shown.length === all.length;
   }
 }
 
-const nothingText = ({ monitoring, operation }) =>
-  monitoring === "running" ? (operation === "alarms on" ? "No alarm is open." : `Nothing is judged now: ${operation}.`) : `Nothing is judged now: ${monitoring}.`;
+function nothingText({ alarm, monitoring, operation }) {
+  if (monitoring !== "running") return `Nothing is judged now: ${monitoring}.`;
+  if (alarm?.time != null) return "The diagnosis is being worked out; it comes some samples after the alarm.";
+  return operation === "alarms on" ? "No alarm is open." : `Nothing is judged now: ${operation}.`;
+}
 const countWord = (number) => ["no", "one", "two", "three", "four", "five", "six"][number] ?? String(number);
 
 function rowOf(row, several) {
@@ -202,12 +213,16 @@ function rowOf(row, several) {
       make("span", { class: "change" }, item.change))));
 }
 
+const eventOf = ({ time, text, alarm }, ownClock) => make("li", { class: "event" },
+  make("span", { class: "number", "aria-hidden": "true" }, alarm ? "!" : "–"),
+  make("span", { class: "moment" }, momentText(time), ownClock && isUnix(time) ? " by its source" : ""), make("span", { class: "deed" }, text));
+
 function entryOf(entry, undo) {
   const target = entry.target.length ? ` ${entry.target.join(", ")}` : "";
   return make("li", { class: entry.undone_by ? "is-undone" : "" },
     make("span", { class: "number" }, String(entry.number)),
     make("span", { class: "moment" }, momentText(entry.at)),
-    make("span", { class: "deed" }, make("b", {}, entry.who), ` ${ACTIONS[entry.action]?.past ?? entry.action}${target}`,
+    make("span", { class: "deed" }, make("b", {}, entry.who), ` ${ACTIONS[entry.action]?.past ?? entry.action}${target}${ACTIONS[entry.action]?.end ?? ""}`,
       entry.undone_by ? ` (undone by ${entry.undone_by})` : "", entry.comment ? make("q", {}, entry.comment) : null),
     undo);
 }

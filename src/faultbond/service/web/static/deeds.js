@@ -6,7 +6,7 @@ import { make, percentText } from "./elements.js";
 const SHELVINGS = [[15, "15 min"], [30, "30 min"], [60, "1 h"], [120, "2 h"], [240, "4 h"], [480, "8 h"], [1440, "24 h"]];
 const USUAL = 60; // min
 
-// Of each action: how it reads in the journal, its button, whether it changes what the model believes, what it will do, and whether a reason is asked.
+// Of each action: how it reads in the journal, and what came of it, its button, whether it changes what the model believes, what it will do, and whether a reason is asked.
 export const ACTIONS = {
   acknowledge: { past: "acknowledged the alarm", label: "Acknowledge", says: "You have seen the alarm. It stays until its cause is gone or somebody accepts a diagnosis; nothing else changes." },
   shelve: { past: "shelved the alarm", label: "Shelve", says: "The alarm does not call for a while, and then comes back by itself. The asset is still watched.", asksReason: true },
@@ -15,9 +15,9 @@ export const ACTIONS = {
   unsuppress: { past: "ended the suppression", label: "End suppression", says: "Alarms of this asset call again." },
   "out of service": { past: "took it out of service", label: "Take out of service", says: "Alarms of this asset do not call until it is put in service again, as during maintenance.", asksReason: true },
   "in service": { past: "put it in service", label: "Put in service", says: "The asset is in service again, and its alarms call." },
-  accept: { past: "accepted", label: "Accept", isDecision: true, says: "The diagnosis becomes the model from now on: what is expected follows the new values, and the alarm ends. A new one comes if more changes." },
+  accept: { past: "accepted", end: "; the alarm ended", label: "Accept", isDecision: true, says: "The diagnosis becomes the model from now on: what is expected follows the new values, and the alarm ends. A new one comes if more changes." },
   reject: { past: "rejected", label: "Reject", isDecision: true, says: "This explanation is not taken any more; the others are ranked without it. The alarm stays." },
-  repaired: { past: "repaired", label: "Repaired", isDecision: true, says: "The part was repaired: it counts as healthy again, with its nominal value, and the alarm ends. A new one comes if the fault is still there." },
+  repaired: { past: "repaired", end: "; the alarm ended", label: "Repaired", isDecision: true, says: "The part was repaired: it counts as healthy again, with its nominal value, and the alarm ends. A new one comes if the fault is still there." },
   undo: { past: "undid", label: "Undo", says: "What was done is taken back, as if it had not been done. Both stay in the journal." },
 };
 

@@ -1,7 +1,7 @@
 // The off-line desk: recordings that people bring, watched afterwards, one after the other.
 
 import { Refusal, bring, desk, order, remove, resultPath } from "./connection.js";
-import { capital, make, momentText, percentText, renew } from "./elements.js";
+import { capital, make, momentText, percentText, renew, reportLinks, worded } from "./elements.js";
 
 const BUSY = 1500, IDLE = 10000; // ms between two questions, while something is at work or waits, and else
 const SHOWN = 5;                 // candidates of an analysis
@@ -110,9 +110,9 @@ export class DeskView {
         make("span", { class: "job-name" }, job.files[0].name),
         make("span", { class: "job-of" }, job.asset ? `by the model of ${job.asset}` : `by ${[job.model, ...files].join(", ")}`)),
       job.state === "at work" ? this.share(job) : null,
-      job.said && job.said !== `${word}.` ? make("p", { class: "job-said" }, job.said) : null,
+      job.said && job.said !== `${word}.` ? make("p", { class: "job-said" }, worded(job.said)) : null,
       job.candidates.length ? make("ol", { class: "job-candidates" }, job.candidates.filter((item, k) => item.group || k < 3).slice(0, SHOWN).map(candidateOf)) : null,
-      job.remarks.length ? make("ul", { class: "notes" }, job.remarks.map((text) => make("li", {}, capital(text)))) : null,
+      job.remarks.length ? make("ul", { class: "notes" }, job.remarks.map((text) => make("li", {}, worded(capital(text))))) : null,
       make("div", { class: "job-end" },
         job.results.map((what) => this.result(job, what)),
         make("button", { type: "button", "data-remove": job.id, "aria-label": `${job.ended ? "Remove" : "Stop"} the analysis of ${job.files[0].name}`, on: { click: () => this.ask(job) } }, job.ended ? "Remove" : "Stop"),
@@ -127,16 +127,16 @@ export class DeskView {
 
   result(job, what) {
     const base = job.files[0].name.replace(/\.[^.]*$/, "");
-    const open = what === "records" ? null : make("a", { class: "report", href: resultPath(job.id, what), target: "_blank", rel: "noopener" }, RESULTS[what]);
-    const ending = { report: "html", records: "jsonl", analysis: "txt" }[what];
-    const fetched = make("a", { class: "report", href: resultPath(job.id, what), download: `${base}.${ending}`, "aria-label": `Download ${RESULTS[what].toLowerCase()}` }, what === "records" ? "Records" : "↓");
-    return make("span", { class: "job-result" }, open, fetched);
+    const file = `${base}.${{ report: "html", records: "jsonl", analysis: "txt" }[what]}`, href = resultPath(job.id, what);
+    if (what !== "records") return reportLinks(href, file, RESULTS[what]);
+    return make("span", { class: "job-result" }, make("a", { class: "report", href, download: file, "aria-label": "Download records" }, "Records"));
   }
 
   async send() {
     this.isSending = true;
     this.start.disabled = true;
     this.problem.hidden = true;
+    this.tell("");
     try {
       const wanted = { analyse: this.analyse.checked };
       this.check(this.recording.files[0], "recording");

@@ -82,11 +82,40 @@ export function alarmMark(alarm) {
 // A time of the service or of a sample: of today the second, of another day the minute.
 export function momentText(time) {
   if (time == null) return "never";
-  if (!isNumber(time) || !isUnix(time)) return clockText(time);
+  if (!isNumber(time)) return clockText(time);
+  if (!isUnix(time)) return clockText(Math.abs(time) < 1000 ? Number(time.toPrecision(4)) : Math.round(time));
   const text = new Date(Math.floor(time) * 1000).toISOString();
   const isToday = text.slice(0, 10) === new Date().toISOString().slice(0, 10);
   return `${isToday ? text.slice(11, 19) : `${text.slice(0, 10)}${NO_BREAK}${text.slice(11, 16)}`}${NO_BREAK}UTC`;
 }
+
+const TOLERANCE = 5;   // s by which a sample may be before the clock of the service
+const PATIENCE = 300;  // s by which it may be behind while samples come in
+
+// How the clock of an asset's samples, a date too, differs from that of the service; empty where it is the same, or counts from a beginning.
+export function ownClockText({ time, monitoring }, { isLost, offset }) {
+  const ahead = time - Date.now() / 1000 - offset;
+  if (!isNumber(time) || !isUnix(time) || isLost || !(ahead > TOLERANCE || (monitoring === "running" && ahead < -PATIENCE))) return "";
+  return `${durationText(Math.abs(ahead), 2)} ${ahead > 0 ? "ahead" : "behind"}`;
+}
+
+// Since when an asset is as it is: since its alarm, or by the clock of the service where that of its samples is another.
+export const sinceText = (summary, state) =>
+  momentText(summary.alarm?.since != null && isUnix(summary.alarm.since) && !ownClockText(summary, state) ? summary.alarm.since : summary.since);
+
+// The first sentence of a text, and the rest of it; a number or a name with a point in it is no end of one.
+export function headOf(text) {
+  const [first, ...rest] = text.split(/(?<=\.) (?=[A-Z`])/);
+  return [first, rest.join(" ")].filter(Boolean);
+}
+
+// A text in which what is typed stands between backticks, as elements.
+export const worded = (text) => text.split("`").map((part, k) => (k % 2 ? make("code", {}, part) : part));
+
+// A report, in a tab of its own or as a file.
+export const reportLinks = (href, file, label) => make("span", { class: "job-result" },
+  make("a", { class: "report", href, target: "_blank", rel: "noopener" }, label),
+  make("a", { class: "report", href, download: file, "aria-label": `Download ${label.toLowerCase()}` }, "↓"));
 
 export const capital = (text) => text.slice(0, 1).toUpperCase() + text.slice(1);
 

@@ -1,6 +1,6 @@
 // All assets: what needs somebody first, then each at a place that stays the same.
 
-import { alarmMark, capital, conditionOf, countText, isSilenced, isUnacknowledged, make, momentText, renew, symbol } from "./elements.js";
+import { alarmMark, capital, conditionOf, countText, isSilenced, isUnacknowledged, make, momentText, renew, sinceText, symbol } from "./elements.js";
 
 export const linkOf = (name) => `#/${encodeURIComponent(name)}`;
 const needsSomebody = (summary) => conditionOf(summary).key !== "normal" || Boolean(summary.alarm);
@@ -43,8 +43,8 @@ export class Overview {
     this.attention.closest("table").hidden = !calling.length;
     this.silencedPanel.hidden = !silenced.length;
     this.search.hidden = assets.length < 12;
-    showRows(this.attention, calling, state.isLost);
-    showRows(this.silenced, silenced, state.isLost);
+    showRows(this.attention, calling, state);
+    showRows(this.silenced, silenced, state);
     this.showTiles();
   }
 
@@ -67,15 +67,15 @@ function tableOf(body) {
 }
 
 // Rows are renewed one by one where the order stays, so that a link keeps the focus.
-function showRows(body, assets, isLost) {
+function showRows(body, assets, state) {
   renew(body, assets.map((item) => item.name), () => assets.map((item) => make("tr", { "data-asset": item.name })));
   assets.forEach((item, k) => {
-    const { name, headline, alarm, since } = item, condition = conditionOf(item, isLost);
-    renew(body.children[k], { name, headline, alarm, since, condition }, () => [
+    const { name, headline, alarm } = item, condition = conditionOf(item, state.isLost), told = sinceText(item, state);
+    renew(body.children[k], { name, headline, alarm, told, condition }, () => [
       make("td", {}, make("span", { class: `condition ${condition.key}` }, symbol(condition), condition.word)),
       make("th", { scope: "row" }, make("a", { href: linkOf(name) }, name)),
       make("td", { class: "wrap" }, headline),
-      make("td", { class: "moment" }, momentText(alarm?.since ?? since)),
+      make("td", { class: "moment" }, told),
       make("td", {}, alarmMark(alarm)),
     ]);
   });

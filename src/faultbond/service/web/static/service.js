@@ -7,6 +7,7 @@ import { isUnacknowledged, make, renew } from "./elements.js";
 import { Overview, linkOf } from "./overview.js";
 import { Tour } from "./tour.js";
 
+const TOLD = 8000; // ms for which a sentence stands
 const byId = (id) => document.getElementById(id);
 const state = { me: null, site: null, assets: new Map(), isLost: true, lostAt: null, offset: 0 };
 let stream = null;
@@ -80,7 +81,11 @@ function show() {
   byId("count").hidden = !unseen.length;
   byId("count").href = unseen.length === 1 ? linkOf(unseen[0].name) : "#/";
   byId("count").textContent = unseen.length === 1 ? "1 alarm to acknowledge" : `${unseen.length} alarms to acknowledge`;
-  byId("about").textContent = `faultbond ${state.site.version}; ${state.site.source}. It only watches: it is no safety function and writes nothing into the plant.`;
+  const { version, source } = state.site, sources = source.split(", ");
+  renew(byId("about"), [version, source], () => [
+    make("p", {}, `faultbond ${version}. It only watches: it is no safety function and writes nothing into the plant.`),
+    make("details", {}, make("summary", {}, sources.length === 1 ? "Its source" : `Its ${sources.length} sources`), make("ul", {}, sources.map((text) => make("li", {}, text)))),
+  ]);
   document.title = `${state.isLost ? "Not live: " : unseen.length ? `(${unseen.length}) ` : ""}${titleNow() ?? state.site.name}`;
 }
 
@@ -126,9 +131,13 @@ function tick() {
   byId("live-text").textContent = isLive ? `Live ${clock(serviceTime())}` : state.lostAt == null ? "Connecting" : `Not live since ${clock(state.lostAt + 1000 * state.offset)}`;
 }
 
-// A sentence about what was done, read out too.
+let telling = 0;
+
+// A sentence about what was done, read out too; it goes by itself, but not while somebody points at it or is at its button.
 function tell(text) {
   const place = byId("told");
+  clearInterval(telling);
+  if (text) telling = setInterval(() => { if (!place.matches(":hover, :focus-within")) tell(""); }, TOLD);
   place.replaceChildren(...(text ? [text, make("button", { type: "button", on: { click: () => tell("") } }, "Close")] : []));
 }
 

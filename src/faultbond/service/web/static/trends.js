@@ -10,6 +10,7 @@ const SHORTEST = 1;    // s that a period has at least
 const COLOURS = 7;
 const LEADING = 6;     // candidates with a line of their own
 const GAP = 8;         // times the usual step between samples, beyond which a line is broken
+const EDGE = 2;        // times that step, by which a period may begin before its first sample
 
 const GROUPS = ["inputs", "measured", "expected", "sd", "cusum"];
 const emptyData = () => ({ time: [], inputs: {}, measured: {}, expected: {}, sd: {}, cusum: {} });
@@ -61,15 +62,17 @@ export class Trends {
 
   window() {
     if (this.period) return this.period;
-    const last = this.data.time.length ? this.data.time[this.data.time.length - 1] : (this.newest ?? 0);
-    return [last - this.length, last];
+    const { time } = this.data, last = time.length ? time[time.length - 1] : (this.newest ?? 0);
+    return [Math.max(last - this.length, Math.min(time[0] ?? -Infinity, last - SHORTEST)), last]; // not before the first sample
   }
 
-  move(share) {
+  async move(share) {
     const [begin, end] = this.window(), by = share * (end - begin);
     if (!this.period && share > 0) return;
     if (this.newest != null && end + by >= this.newest) return this.follow(this.length);
-    this.look(begin + by, end + by);
+    const first = await this.look(begin + by, end + by);
+    if (!(first > begin + by)) return; // else there is nothing before that
+    return first + end - begin >= this.newest ? this.follow(this.length) : this.look(first, first + end - begin);
   }
 
   scale(factor) {
@@ -87,10 +90,21 @@ export class Trends {
     return this.ask(this.newest == null ? null : this.newest - length, null);
   }
 
-  // Look at a period of the past.
-  look(begin, end) {
-    this.period = [begin, end];
-    return this.ask(begin, end);
+  // Look at a period of the past, as far as there is something of it; gives where that begins, NaN where another one came between.
+  async look(begin, end) {
+    const before = this.period, period = this.period = [begin, end];
+    await this.ask(begin, end);
+    if (this.period !== period) return NaN;
+    const [first] = this.data.time;
+    if (first == null) {
+      this.tell("No samples are kept of that period.");
+      if (!before) return this.follow(this.length);
+      this.period = before;
+      return this.ask(...before);
+    }
+    if (first - begin > EDGE * this.usual) this.period = [first, Math.max(end, first + SHORTEST)];
+    this.later();
+    return this.period[0];
   }
 
   async ask(begin, end) {
@@ -239,6 +253,7 @@ export class Trends {
     const marks = [...(this.marks ?? [])];
     const view = { known: count, shown: count, begin, end: Math.max(end, begin + 1e-9), times: data.time, marks, cursor: this.cursor, isClock: isUnix(end) };
     const told = this.cursor == null ? count - 1 : placeOf(data.time, this.cursor);
+    this.areas.hidden = this.newest == null; // without a sample there is no time to draw an axis of
     for (const chart of this.charts) {
       chart.forget();
       chart.shade = this.dragged ? [this.dragged.from, this.cursor ?? this.dragged.from].sort((one, other) => one - other) : null;
@@ -247,7 +262,7 @@ export class Trends {
     }
     this.live.disabled = !period;
     const state = period ? "Past" : this.lostAt != null || !this.isWatched ? "Last known" : "Now";
-    const text = count ? `${state}: ${clockText(Math.round(begin))} to ${clockText(Math.round(end))}` : "No samples in this period";
+    const text = count ? `${state}: ${clockText(Math.round(begin))} to ${clockText(Math.round(end))}` : this.newest == null ? "No sample has come yet" : "No samples in this period";
     if (this.range.textContent !== text) this.range.textContent = text;
     this.range.classList.toggle("is-past", Boolean(period));
   }
