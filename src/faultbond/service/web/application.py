@@ -58,7 +58,7 @@ from faultbond.service.web.shapes import (
 from faultbond.service.web.shield import HEADERS, LOOPBACK, REPORT_POLICY, Shield, refusal
 
 MOST_POINTS = 5000
-DEEDS, CURVES, REPORTS = 120, 600, 60  # of a session in a minute
+DEEDS, CURVES, REPORTS = 120, 600, 60  # of a session in a minute; pictures as often as reports
 _LOG = logging.getLogger(__name__)
 _bearer = HTTPBearer(auto_error=False, description="The token of `tell` with `to: metrics`")
 AssetName = Annotated[str, Path(max_length=200, description="Name of an asset")]
@@ -290,7 +290,12 @@ def _views(face: Face, guard: Guard, broadcast: Broadcast) -> APIRouter:
         with _refusing(asset):
             return _packed(request, JSONResponse(face.curves(asset, begin, end, most)))
 
-    @router.get("/api/v1/assets/{asset}/picture", response_class=Svg, responses=seen_of_one, dependencies=[viewer])
+    @router.get(
+        "/api/v1/assets/{asset}/picture",
+        response_class=Svg,
+        responses=paced_of_one,
+        dependencies=[paced(viewer, RequestRate(most=REPORTS))],
+    )
     def picture(request: Request, asset: AssetName) -> Response:
         """Give the picture of the process, where the site has one for an asset."""
         with _refusing(asset):
