@@ -35,10 +35,16 @@ class Unit:
         return value / self.factor
 
     @property
+    def of_differences(self) -> "Unit":
+        """That in which differences are told: `K` of a temperature in degC."""
+        return Unit("K") if self.offset else self
+
+    @property
     def rate(self) -> "Unit":
         """That of its changes in a second: `percent/s`, `K/s` of a temperature."""
-        text = "K" if self.offset else self.text or "1"
-        return Unit(f"({text})/s" if "/" in text or "*" in text else f"{text}/s", self.factor)
+        unit = self.of_differences
+        text = unit.text or "1"
+        return Unit(f"({text})/s" if "/" in text or "*" in text else f"{text}/s", unit.factor)
 
 
 LOGIC_UNIT = Unit("logic")  # of a signal that is 0 or 1

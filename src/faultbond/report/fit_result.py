@@ -173,7 +173,7 @@ class Fitted:
             is_asked = item.name in self.healthy_changes or bool(others)
             is_told = found > least or (is_asked and item.healthy_change > least)
             if is_told and item.name not in self.known:
-                told.append((item.name, _spread_text(max(found, least), item.nominal and value, item.unit)))
+                told.append((item.name, spread_text(max(found, least), item.nominal and value, item.unit)))
         return tuple(told)
 
     @property
@@ -184,7 +184,7 @@ class Fitted:
         for item in instruments:
             found = self.healthy_changes.get(item.name, 0.0)
             if found > 0.0 or (item.name in self.healthy_changes and item.healthy_bias > 0.0):
-                unit = replace(item.unit, text="K") if item.unit.offset else item.unit  # a difference of temperatures
+                unit = item.unit.of_differences
                 told.append((item.name, _joined(rounded_up(found / unit.factor), unit)))
         return tuple(told)
 
@@ -263,12 +263,15 @@ def _new_parameter(item: Estimate, *, known: bool = False) -> NewParameter:
 def _accuracy_text(item: Estimate, *, in_unit: bool = False) -> str:
     """Give an accuracy in per cent of the value; in its unit where that is asked for, or nothing is known to be 0."""
     value = 0.0 if in_unit or item.parameter.nominal == 0.0 else item.value
-    return _spread_text(item.accuracy, value, item.parameter.unit)
+    return spread_text(item.accuracy, value, item.parameter.unit)
 
 
-def _spread_text(size: float, value: float, unit: Unit) -> str:
-    """Give a standard deviation, SI, in per cent of a value; in a unit where that is 0."""
-    return f"{rounded_up(100.0 * size / abs(value))} %" if value else _joined(rounded_up(size / unit.factor), unit)
+def spread_text(size: float, value: float, unit: Unit) -> str:
+    """Give a standard deviation, SI, in per cent of a value; in a unit where that is 0, or is a temperature."""
+    if value and not unit.offset:
+        return f"{rounded_up(100.0 * size / abs(value))} %"
+    own = unit.of_differences
+    return _joined(rounded_up(size / own.factor), own)
 
 
 def _joined(number: str, unit: Unit) -> str:
@@ -421,10 +424,18 @@ def _parameter_row(item: Estimate, *, is_added: bool) -> tuple[str, ...]:
         "added" if is_added else figure(unit.from_si(parameter.nominal)).number(),
         figure(value, sd).both(),
         unit_text(unit.text),
-        "" if is_added else change_text(parameter.nominal, item.value, item.sd),
+        "" if is_added else _change_text(item),
         _accuracy_text(item),
         "at the end of its range" if item.at_end else "yes" if item.determined else "not alone",
     )
+
+
+def _change_text(item: Estimate) -> str:
+    """Give by how much a value is another than declared, in per cent; of a temperature in K."""
+    nominal, unit = item.parameter.nominal, item.parameter.unit
+    if not unit.offset:
+        return change_text(nominal, item.value, item.sd)
+    return f"{item.value - nominal:+.3g} {unit.of_differences.text}".replace("-", MINUS)
 
 
 def remarks(fitted: Fitted) -> list[tuple[str, str]]:

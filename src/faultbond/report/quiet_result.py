@@ -36,7 +36,7 @@ from faultbond.model.text import parse_model
 from faultbond.report.analysis import heat_lines
 from faultbond.report.console import lines, table, title, under
 from faultbond.report.doubts import stray_records
-from faultbond.report.fit_result import Fitted
+from faultbond.report.fit_result import Fitted, spread_text
 from faultbond.report.health import spacing_text, where_lines
 from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, join, rounded_up, short, unit_text
 from faultbond.report.suspects import unit_of
@@ -225,17 +225,14 @@ def _sized(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
     unit = known.get(item.place) or declared.get(item.place) or Unit("")
     if not unit.text:
         unit = Unit(dict(graph.signal_units).get(item.place, ""))
-    if unit.offset:  # a difference of temperatures
-        return item.size, "K"
-    return item.size / unit.factor, unit.text
+    own = unit.of_differences
+    return item.size / own.factor, own.text
 
 
 def _growth(graph: BondGraph, item: Imperfection) -> tuple[float, str]:
     """Give the size of a transient error: in the unit of the sensor for each of the input, and that unit."""
     size, own = _sized(graph, replace(item, kind=Kind.ABSOLUTE))
-    moved = graph.input(item.after).unit
-    if moved.offset:  # a difference of temperatures
-        moved = Unit("K")
+    moved = graph.input(item.after).unit.of_differences
     return size * moved.factor, f"{own or 1}/{_in_brackets(moved.text)}" if moved.text else own
 
 
@@ -302,11 +299,7 @@ def _accuracies(graph: BondGraph, times: Mapping[str, float]) -> Iterator[tuple[
     for item in graph.parameters:
         if item.accuracy > 0.0 and item.name in times:
             wider = times[item.name] * item.accuracy
-            part = f"{rounded_up(100.0 * wider / abs(item.nominal))} %" if item.nominal else ""
-            yield (
-                (*parameter_path(graph, item.name), "accuracy"),
-                part or f"{rounded_up(wider / item.unit.factor)} {item.unit.text}".rstrip(),
-            )
+            yield (*parameter_path(graph, item.name), "accuracy"), spread_text(wider, item.nominal, item.unit)
 
 
 def quiet_record(found: Quieted) -> Record:

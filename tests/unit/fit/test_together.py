@@ -16,6 +16,7 @@ from faultbond.io.recording import write_recording
 from faultbond.model.correlations import is_definite
 from faultbond.model.graph import Parameter, Unit
 from faultbond.model.text import load_model
+from faultbond.report.fit_result import _new_parameter, _parameter_row
 from faultbond.report.numbers import MINUS
 
 MODEL = """# a circuit
@@ -133,6 +134,21 @@ def estimate(name: str, nominal: float, sd: float, accuracy: float) -> Estimate:
         determined=True,
         at_end=False,
     )
+
+
+def test_what_is_found_of_a_temperature_is_told_in_kelvin() -> None:
+    """A per cent of degC would be one of K: 0.7 % of 14.8 degC, and a change by 1.1 % from 18 degC."""
+    for text, unit in (("degC", Unit("degC", 1.0, 273.15)), ("degF", Unit("degF", 5 / 9, 459.67 * 5 / 9))):
+        told = estimate("T_cellar", 291.15, 0.3, 2.0)
+        told = replace(told, value=288.0, parameter=replace(told.parameter, unit=unit))
+        written = _new_parameter(told)
+        assert written.nominal.endswith(f" {text}")
+        assert dict(written.others)["accuracy"] == "2 K"
+        assert _parameter_row(told, is_added=False)[-3:-1] == (f"{MINUS}3.15 K", "2 K")
+        assert unit.rate == Unit("K/s")
+    other = replace(estimate("R", 10.0, 0.1, 0.2), value=9.0)
+    assert dict(_new_parameter(other).others)["accuracy"] == "2.3 %"
+    assert _parameter_row(other, is_added=False)[-3:-1] == (f"{MINUS}10 %", "2.3 %")
 
 
 def found_with(covariance: FloatArray, estimates: list[Estimate]) -> Any:
