@@ -62,6 +62,7 @@ from faultbond.fit.imperfections import (
 from faultbond.fit.innovations import Variant
 from faultbond.fit.likelihood import layout_of, nominal_q
 from faultbond.fit.offset import centred, likely_offsets
+from faultbond.fit.objective import FitPoint
 from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.quiet_search import FEWEST, FURTHER, WORTH, Search
 from faultbond.fit.samples import HealthyRecording, healthy_recording
@@ -1733,3 +1734,53 @@ def test_the_size_of_an_error_that_is_there_after_moves_alone_is_not_told() -> N
         whiteness = (SimpleNamespace(sensor="i", words="white"),)
         fitted = SimpleNamespace(graph=graph, noises=noises, found=SimpleNamespace(whiteness=whiteness))
         assert [row[0] for row in noise_rows(cast("Any", fitted))] == told
+
+
+def test_the_last_fit_begins_with_starts_of_the_values_that_were_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """How hot a core is that nobody measures, its jacket tells; one that is a third of what was stated, otherwise.
+
+    From such a start, three times too hot, the last fit of a search found no course any more, after all the rounds.
+    """
+    text = """
+name: core
+sample_time: 1 s
+accuracy: 30 %
+time_between_false_alarms: 1 d
+constants: {T0: 20 degC}
+inputs: {P: {unit: W}}
+components:
+  heater: {type: Sf, law: f = P}
+  core: {type: C, law: q = C1*(e - T0), parameters: {C1: 100 kJ/K}}
+  wall: {type: R, law: f = K*e, parameters: {K: {nominal: 50 W/K, accuracy: 5 %}}}
+  jacket: {type: C, law: q = C2*(e - T0), parameters: {C2: 30 kJ/K}}
+  loss: {type: R, law: f = UA*(e - T0), parameters: {UA: {nominal: 20 W/K, accuracy: 5 %}}}
+junctions: {inside: 0, between: 1, outside: 0}
+bonds: [heater -> inside -> core, inside -> between -> outside, between -> wall, outside -> jacket, outside -> loss]
+sensors: {T: {reads: outside.e, unit: degC, noise: 0.02 K}}
+"""
+    graph, rng = parse_model(text, file="m.yaml"), np.random.default_rng(1)
+    shown, inside, outside = list[float](), 80.0, 20.0  # K above T0
+    for _ in range(400):
+        shown.append(20.0 + outside + 0.02 * rng.standard_normal())
+        flow = 50.0 * (inside - outside)
+        inside, outside = inside + (2000.0 - flow) / 100e3, outside + (flow - 20.0 * outside) / 10e3
+    made = tmp_path / "a.csv"
+    write_recording(made, {"time": np.arange(400.0), "P": np.full(400, 2000.0), "T": np.array(shown)})
+    stand = Footing(graph=graph, values={"C1": 100e3, "K": 50.0, "C2": 10e3, "UA": 20.0}, starts={})
+    starts = list[float]()
+
+    class BegunError(Exception):
+        """Where the last fit begins is all that is asked for."""
+
+    def begun(_: object, __: object, begin: FitPoint, **___: object) -> None:
+        starts.extend(begin.starts[0].tolist())
+        raise BegunError
+
+    monkeypatch.setattr(quiet_fit, "fit_plant", begun)
+    read = [("a", read_points(graph, str(made)))]
+    steps = quiet_fit._attempt(stand, cast(Any, None), text, graph, read, FitWishes(), frozenset(), lambda _: None)
+    with pytest.raises(BegunError):
+        next(steps)
+    assert starts == pytest.approx([273.15 + 100.0, 273.15 + 40.0], abs=6.0)

@@ -22,7 +22,7 @@ from faultbond.app.wishes import FitWishes
 from faultbond.errors import FaultbondError
 from faultbond.fit.ascent import Finish
 from faultbond.fit.cure import Cure, cured, strayed
-from faultbond.fit.foothold import Footing, as_found, values_of
+from faultbond.fit.foothold import Footing, as_found, values_of, with_values
 from faultbond.fit.further import better, held_until
 from faultbond.fit.ground import COARSE
 from faultbond.fit.healthy_changes import healthy_changes
@@ -31,7 +31,7 @@ from faultbond.fit.identification import Fit, Halted, Prior, fit_plant
 from faultbond.fit.offset import centred
 from faultbond.fit.quiet_search import ROUNDS, Search, Tell
 from faultbond.fit.samples import healthy_recording
-from faultbond.fit.session import build_fit, free_parameters
+from faultbond.fit.session import begin_at, build_fit, free_parameters
 from faultbond.fit.trial import MONTH, ROOM, alarms_of, on_trial, stays_below
 from faultbond.model.amend import amended
 from faultbond.model.graph import BondGraph
@@ -317,7 +317,9 @@ def _attempt(
     core, model = build_watcher(first), build_model(first)
     free = None if wishes.free is None else (*wishes.free, *sorted(_further(first, graph)))
     parameters = free_parameters(first, wishes.fixed, free, wishes.own)
-    plant, records, begin = build_fit(model, likelihood_engine(model), core, read, parameters, wishes.own)
+    plant, records, _ = build_fit(model, likelihood_engine(model), core, read, parameters, wishes.own)
+    # What first samples show of the starts goes with the values: of a small capacity a charge is another temperature.
+    begin = begin_at(plant, records, build_watcher(with_values(first, stand.values)))
     begin = replace(begin, values=values_of(plant, first, stand))
     found = fit_plant(
         plant,

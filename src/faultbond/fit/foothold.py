@@ -90,12 +90,17 @@ def _in_stages(item: Added, order: Added | None) -> Added:
 
 def as_found(stand: Footing) -> BondGraph:
     """Give the plant with parameters and imperfections as they stand, about as sure as a fit to all would be."""
+    return with_values(stand.graph, stand.values)
+
+
+def with_values(graph: BondGraph, values: Mapping[str, float]) -> BondGraph:
+    """Give a plant whose parameters have values, SI, by their names, about as sure as a fit to all would be."""
     parameters = []
-    for item in stand.graph.parameters:
-        value = stand.values[item.name]
+    for item in graph.parameters:
+        value = values.get(item.name, item.nominal)
         sure = replace(item, nominal=value, accuracy=min(LEAST_ACCURACY * abs(value), item.accuracy))
         parameters.append(item if item.nominal == 0.0 or value == 0.0 else sure)
-    return replace(stand.graph, parameters=tuple(parameters))
+    return replace(graph, parameters=tuple(parameters))
 
 
 def in_time(graph: BondGraph) -> tuple[tuple[str | int | Hold, ...], ...]:
