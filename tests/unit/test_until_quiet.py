@@ -61,8 +61,8 @@ from faultbond.fit.imperfections import (
 )
 from faultbond.fit.innovations import Variant
 from faultbond.fit.likelihood import layout_of, nominal_q
-from faultbond.fit.offset import centred, likely_offsets
 from faultbond.fit.objective import FitPoint
+from faultbond.fit.offset import centred, likely_offsets
 from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.quiet_search import FEWEST, FURTHER, WORTH, Search
 from faultbond.fit.samples import HealthyRecording, healthy_recording

@@ -88,7 +88,7 @@ class LawReader:
             ends = [name for name in used if name.endswith(".e") and not name.startswith(f"{part.name}.")]
             if part.type is ElementType.R and missing == ["e"] and len(ends) == 2:
                 a, b = sorted(ends)
-                problem += f"; `e` is `{a} - {b}` or the other way round, so write `{a}**2 - {b}**2` as `e*({a} + {b})`"
+                problem += f"; between these `e` is `{a} - {b}` or its negative: `{a}**2 - {b}**2` is `e*({a} + {b})`"
             raise self.source.error(texts[0][1], f"law of {part.name} {problem}")
         return tuple(found)
 
