@@ -98,8 +98,10 @@ def print_health(console: Console, graph: BondGraph, found: Health, slower: floa
     tried = {
         (item.kind, item.factor): "alarm" if item.peak > 1.0 else spacing_text(item.between) for item in found.trials
     }
-    header = ("times", *(WORDS[kind] for kind in found.needed))
-    table(console, header, [(f"{x:g}", *(tried[kind, x] for kind in found.needed)) for x in FACTORS])
+    kinds = [kind for kind in found.needed if any(tried[kind, x] != "alarm" for x in FACTORS)]
+    if kinds:
+        header = ("times", *(WORDS[kind] for kind in kinds))
+        table(console, header, [(f"{x:g}", *(tried[kind, x] for kind in kinds)) for x in FACTORS])
     lines(console, under("needed", _needed_texts(found)))
     console.print()
     console.print(Text(health_verdict(graph, found), style="bold green" if found.keeps else "bold yellow"))
@@ -196,7 +198,7 @@ def _needed_texts(found: Health) -> Iterator[str]:
         yield f"{found.walker}: to move farther than declared, and of the rest"
     for kind, factor in found.needed.items():
         if factor is None:
-            yield f"{WORDS[kind]}: none of these is enough by itself"
+            yield f"{WORDS[kind]}: none from {FACTORS[0]:g} to {FACTORS[-1]:g} times is enough by itself"
         elif factor == 1.0:
             yield f"{WORDS[kind]}: as declared"
         elif factor < 1.0:

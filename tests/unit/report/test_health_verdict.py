@@ -1,18 +1,20 @@
 """What a trial on healthy data comes to, in a sentence."""
 
 from dataclasses import replace
+from io import StringIO
 from types import SimpleNamespace
 from typing import cast
 
 import pytest
+from rich.console import Console
 
 from faultbond.fit.false_alarms import Rate
 from faultbond.fit.lack_of_fit import Region
-from faultbond.fit.trial import Health
+from faultbond.fit.trial import FACTORS, DeclarationTrial, Health
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
 from faultbond.report.fit_result import Fitted
-from faultbond.report.health import _needed_texts, health_verdict, where_lines
+from faultbond.report.health import _needed_texts, health_verdict, print_health, where_lines
 from faultbond.report.quiet_result import Quieted, quiet_verdict
 
 MODEL = """
@@ -50,6 +52,22 @@ def health(*, peak: float = 0.4, between: float = 1e9, walk: float = 0.3) -> Hea
         early=(),
         mirrored=(),
     )
+
+
+@pytest.mark.parametrize("mending", [frozenset[str](), frozenset({"noise"})])
+def test_only_what_makes_a_difference_has_a_column(mending: frozenset[str]) -> None:
+    """Of a first model, which alarms whatever is declared, a table would say nothing but that."""
+    tried = [(kind, x) for kind in ("accuracy", "noise") for x in FACTORS]
+    trials = tuple(
+        DeclarationTrial(kind=kind, factor=x, peak=0.5 if kind in mending and x >= 3.0 else 9.0, between=1e9)
+        for kind, x in tried
+    )
+    console = Console(file=StringIO(), width=120)
+    print_health(console, GRAPH, replace(health(peak=9.0), trials=trials))
+    told = cast(StringIO, console.file).getvalue()
+    assert told.count("alarm  ") == (5 if mending else 0)  # rows of less than three times
+    assert "accuracies of the parameters: none from 0.25 to 20 times is enough by itself" in told
+    assert told.count("accuracies of the parameters") == 1
 
 
 def test_false_alarms_that_were_mended_may_go() -> None:
