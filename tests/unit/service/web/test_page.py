@@ -289,20 +289,26 @@ def test_an_alarm_is_acknowledged_by_keyboard(opened: Callable[..., Any], served
 
 
 def test_a_diagnosis_is_accepted_and_taken_back(opened: Callable[..., Any], served: Served) -> None:
-    """The dialog says what will happen and which diagnosis is meant; what was done can be undone."""
+    """The dialog says what will happen and which diagnosis is meant; decisions can be undone, the last one first."""
     page = opened("#/tank_2")
+    page.click("button[data-action=reject]")
+    page.click("dialog button[type=submit]")
+    page.wait_for_selector(".journal button[data-action=undo]")
     page.click("button[data-action=accept]")
     assert "becomes the model from now on" in page.inner_text("dialog")
     page.get_by_role("radio").nth(1).check()
     page.click("dialog button[type=submit]")
     until(page, "document.querySelector('.group-hint').textContent.startsWith('No alarm')")
     assert served.face.done[-1].target == ("K4",)
-    page.click(".journal button[data-action=undo]")
-    assert "accept by local" in page.inner_text("dialog")
-    page.click("dialog button[type=submit]")
-    page.wait_for_selector("button[data-action=acknowledge]")
-    assert served.face.done[-1].undone == 4
-    assert "undone by 5" in page.inner_text(".journal")
+    for number, action in ((5, "accept"), (4, "reject")):
+        assert page.locator(".journal button[data-action=undo]").count() == 1
+        page.click(".journal button[data-action=undo]")
+        assert f"{action} by local" in page.inner_text("dialog")
+        page.click("dialog button[type=submit]")
+        page.wait_for_selector("button[data-action=acknowledge]")
+        until(page, f"document.querySelector('.journal').innerText.includes('undone by {11 - number}')")
+        assert served.face.done[-1].undone == number
+    assert page.locator(".journal button[data-action=undo]").count() == 0
 
 
 def test_shelving_needs_a_length_and_a_reason(opened: Callable[..., Any], served: Served) -> None:

@@ -182,11 +182,11 @@ export class AssetView {
     const mayUndo = may.includes("undo") && this.state.me.actions.includes("undo"), ownClock = ownClockText(summary, this.state);
     // The newest first: what happened by itself tells behind which entry it came, since clocks may differ.
     const all = [...events, ...journal].sort((one, other) => (other.number ?? other.behind + 0.5) - (one.number ?? one.behind + 0.5));
-    const shown = all.slice(0, this.entries);
+    const shown = all.slice(0, this.entries), last = journal.find((entry) => ACTIONS[entry.action]?.isDecision && !entry.undone_by); // it goes first
     renew(this.journal, { shown, mayUndo, isHeld, isOwn: Boolean(ownClock) }, () => {
       if (!all.length) return make("li", { class: "hint" }, "Nothing has happened yet.");
       return shown.map((entry) => entry.number == null ? eventOf(entry, ownClock)
-        : entryOf(entry, mayUndo && !entry.undone_by && entry.action !== "undo" ? this.button("undo", isHeld, entry) : null));
+        : entryOf(entry, mayUndo && entry === last ? this.button("undo", isHeld, entry) : null));
     });
     this.older.hidden = shown.length === all.length;
   }

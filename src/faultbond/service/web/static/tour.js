@@ -24,7 +24,7 @@ const STEPS = [
     "Where some cannot be told apart yet, what would help stands below them."] },
   { part: ".verdict .buttons", title: "What you can do", says: () => [
     "Acknowledge: you have seen the alarm. Accept: the diagnosis becomes the model. Reject: it is not that. Repaired: the part was mended.",
-    "They are here while there is an alarm, as far as your role allows. What was done stands in the journal, and the last decision can be undone."] },
+    "They are here while there is an alarm, as far as your role allows. What was done stands in the journal, and decisions can be undone, the last one first."] },
 ];
 
 const memory = { // a browser may refuse to keep anything
