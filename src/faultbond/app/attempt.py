@@ -1,4 +1,4 @@
-"""A fitted model on trial on healthy recordings: what it must declare otherwise, and what it does without."""
+"""A fitted model on trial on healthy recordings, and what it must declare otherwise."""
 
 from collections.abc import Sequence
 from contextlib import suppress
