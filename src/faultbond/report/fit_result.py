@@ -418,24 +418,19 @@ def parameter_rows(fitted: Fitted) -> list[tuple[str, ...]]:
 def _parameter_row(item: Estimate, *, is_added: bool) -> tuple[str, ...]:
     parameter, unit = item.parameter, item.parameter.unit
     value, sd = unit.from_si(item.value), unit.difference_from_si(item.sd)
+    change = change_text(parameter.nominal, item.value, item.sd)
+    if unit.offset:  # a per cent of a temperature says nothing
+        change = f"{item.value - parameter.nominal:+.3g} K".replace("-", MINUS)
     return (
         parameter.name,
         parameter.owner,
         "added" if is_added else figure(unit.from_si(parameter.nominal)).number(),
         figure(value, sd).both(),
         unit_text(unit.text),
-        "" if is_added else _change_text(item),
+        "" if is_added else change,
         _accuracy_text(item),
         "at the end of its range" if item.at_end else "yes" if item.determined else "not alone",
     )
-
-
-def _change_text(item: Estimate) -> str:
-    """Give by how much a value is another than declared, in per cent; of a temperature in K."""
-    nominal, unit = item.parameter.nominal, item.parameter.unit
-    if not unit.offset:
-        return change_text(nominal, item.value, item.sd)
-    return f"{item.value - nominal:+.3g} {unit.of_differences.text}".replace("-", MINUS)
 
 
 def remarks(fitted: Fitted) -> list[tuple[str, str]]:
