@@ -256,7 +256,7 @@ def _opcua(place: str, settings: Details, subscribers: Sequence[Subscriber], opt
     host, port, user, password = _log_in(asked, authority, options)
     options = _policy(asked, options, subscribers)
     try:
-        from faultbond.service.sources.opcua import POLICIES, OpcUaSource, Server  # noqa: PLC0415 - needs asyncua
+        from faultbond.service.sources.opcua import PERIOD, POLICIES, OpcUaSource, Server  # noqa: PLC0415 - needs asyncua
         from faultbond.service.sources.opcua_identity import certificate_of, read_identity  # noqa: PLC0415 - the same
     except ImportError as error:
         raise asked.mistake('OPC UA needs asyncua. Install it with: pip install "faultbond[opcua]"') from error
@@ -282,7 +282,7 @@ def _opcua(place: str, settings: Details, subscribers: Sequence[Subscriber], opt
         certificate=options.certificate,
         key=options.key,
         server_certificate=options.server_certificate,
-        period=asked.positive("period", 0.1),
+        period=asked.positive("period", PERIOD),
         space=asked.text("ns"),
     )
     return OpcUaSource(server, subscribers, options)
