@@ -31,7 +31,7 @@ from faultbond.fit.identification import Fit, Halted, Prior, fit_plant
 from faultbond.fit.offset import centred
 from faultbond.fit.quiet_search import ROUNDS, Search, Tell
 from faultbond.fit.samples import healthy_recording
-from faultbond.fit.session import begin_at, build_fit, free_parameters
+from faultbond.fit.session import build_fit, free_parameters
 from faultbond.fit.trial import MONTH, ROOM, alarms_of, on_trial, stays_below
 from faultbond.model.amend import amended
 from faultbond.model.graph import BondGraph
@@ -317,9 +317,8 @@ def _attempt(
     core, model = build_watcher(first), build_model(first)
     free = None if wishes.free is None else (*wishes.free, *sorted(_further(first, graph)))
     parameters = free_parameters(first, wishes.fixed, free, wishes.own)
-    plant, records, _ = build_fit(model, likelihood_engine(model), core, read, parameters, wishes.own)
-    # What first samples show of the starts goes with the values: of a small capacity a charge is another temperature.
-    begin = begin_at(plant, records, build_watcher(with_values(first, stand.values)))
+    found_core = build_watcher(with_values(first, stand.values))  # by which first samples show what nobody measures
+    plant, records, begin = build_fit(model, likelihood_engine(model), found_core, read, parameters, wishes.own)
     begin = replace(begin, values=values_of(plant, first, stand))
     found = fit_plant(
         plant,

@@ -3,6 +3,7 @@
 import signal
 import threading
 from collections.abc import Iterable, Iterator
+from math import inf
 from time import monotonic
 from types import FrameType, TracebackType
 from typing import Any, TypeVar
@@ -52,7 +53,7 @@ class Stopping:
         self._before: dict[int, Any] = {}
         self.noted: int | None = None
         self._waits, self._patient = False, False
-        self._came: dict[int, float] = {}  # when, s, by number
+        self._came: dict[int, float] = {}  # when, s, by number; one that another takes is told to both
 
     def __enter__(self) -> "Stopping":
         if threading.current_thread() is threading.main_thread():
@@ -61,7 +62,7 @@ class Stopping:
                     self._before[number] = signal.signal(number, self._note)
                     outer = getattr(self._before[number], "__self__", None)
                     if isinstance(outer, Stopping):  # what it raised, a library may have swallowed
-                        self.noted = self.noted or outer.noted
+                        self.noted, self._came = self.noted or outer.noted, outer._came
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
@@ -90,10 +91,10 @@ class Stopping:
             yield item
 
     def _note(self, number: int, _: FrameType | None) -> None:
-        now, before = monotonic(), self._came.get(number)
-        self._came[number] = now
-        if before is not None and now - before < ONE:
+        now = monotonic()
+        if now - self._came.get(number, -inf) < ONE:
             return
+        self._came[number] = now
         again = number == self.noted == signal.SIGINT  # somebody insists
         self.noted = self.noted or number
         if self._waits or again or not self._patient:

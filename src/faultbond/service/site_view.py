@@ -23,6 +23,7 @@ from faultbond.service.sources.queue import DROPPED
 from faultbond.service.supervisor import ServicePart
 
 JOURNAL = 200  # newest deeds, and events, that are shown
+REGULAR = 5  # times between values of sensors from which their pace is known
 NOTES = 3  # newest remarks about the service that are
 
 
@@ -30,13 +31,13 @@ NOTES = 3  # newest remarks about the service that are
 class _Seen:
     """What is known of an asset beside its log.
 
-    heard: when a sensor of it gave a value last, s that only grow. gaps: between the last three of these. is_empty:
+    heard: when a sensor of it gave a value last, s that only grow. gaps: between the last of these. is_empty:
     whether none did in what came last. stale: why what came is of the past; empty: it is of now. counts: of what did
     not become rows. status: and since when.
     """
 
     heard: float | None = None
-    gaps: tuple[float, float] = (0.0, 0.0)
+    gaps: tuple[float, ...] = ()
     is_empty: bool = False
     stale: str = ""
     status: tuple[Any, ...] = ()
@@ -83,7 +84,7 @@ class SiteView:
             seen.is_empty = not np.isfinite(arrivals.rows.y).any()  # what could not be read is no data
             if not seen.is_empty:
                 now = self._steady()
-                seen.gaps = seen.gaps if seen.heard is None else (seen.gaps[1], now - seen.heard)
+                seen.gaps = () if seen.heard is None else (*seen.gaps, now - seen.heard)[-REGULAR:]
                 seen.heard = now
         seen.stale = seen.stale if arrivals.stale is None else arrivals.stale
         seen.counts.update(arrivals.counts)
@@ -175,15 +176,15 @@ class SiteView:
         return asset_status(
             asset,
             silence=None if seen.heard is None else self._steady() - seen.heard,
-            pace=min(seen.gaps),
+            pace=min(seen.gaps) if len(seen.gaps) == REGULAR else 0.0,  # an outage or two are no pace
             trouble=next((part.trouble for part in parts[:2] if part.trouble), ""),
             stale=seen.stale,
             is_empty=seen.is_empty,
             unwatched="" if self.is_stopped else given_up[-1] if given_up else None,
         )
 
-    def _summary(self, asset: Asset) -> Shown:
-        seen, stands, now = self._seen[asset.name], self._stands(asset), self._clock()
+    def _summary(self, asset: Asset, stands: AssetStatus | None = None) -> Shown:
+        seen, stands, now = self._seen[asset.name], stands or self._stands(asset), self._clock()
         status = (stands.status, stands.monitoring is Monitoring.NO_DATA)
         if seen.status != status:
             seen.status, seen.since = status, now
@@ -191,9 +192,9 @@ class SiteView:
 
     def _asset(self, asset: Asset) -> Shown:
         journal = [*self._store.journal(asset.name, kinds=EVENTS, newest=JOURNAL)]
-        summary, counts, absence = self._summary(asset), self._seen[asset.name].counts, self._stands(asset).absence
-        drawing, now = self._drawings[asset.name], self._clock()
-        shown = asset_of(asset, summary, drawing, journal, counts, absence=absence, now=now)
+        stands, counts, drawing = self._stands(asset), self._seen[asset.name].counts, self._drawings[asset.name]
+        summary, now = self._summary(asset, stands), self._clock()
+        shown = asset_of(asset, summary, drawing, journal, counts, absence=stands.absence, now=now)
         picture = self._pictures[asset.name]
         more = {"picture": "" if picture is None else picture.tag, "notes": [*self._notes, *shown["notes"]]}
         return shown | more
