@@ -9,15 +9,21 @@
 static void spread_states(lanes *FB_RESTRICT p, lanes (*FB_RESTRICT a)[N_JOINT], lanes (*FB_RESTRICT t)[N_JOINT])
 {
     for (int i = 0; i < N_STATES; i++)
-        for (int j = 0; j < N_JOINT; j++) t[i][j] = broadcast(0.0);
-    for (int j = 0; j < N_JOINT; j++)
-#if REACHES_ALL /* then all rows have the same places, and each entry of P is fetched once */
-        for (int e = 0; e < STATE_ROW[1]; e++)
-            for (int i = 0; i < N_STATES; i++) t[i][j] += a[i][STATE_PLACE[e]] * p[SYMMETRIC[STATE_PLACE[e]][j]];
-#else
-        for (int i = 0; i < N_STATES; i++)
-            for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) t[i][j] += a[i][STATE_PLACE[e]] * p[SYMMETRIC[STATE_PLACE[e]][j]];
-#endif
+        for (int j = 0; j < N_JOINT; j += 4) { /* four sums beside each other, as each waits for its last product */
+            const int k = j + 1 < N_JOINT ? j + 1 : j, l = j + 2 < N_JOINT ? j + 2 : j, m = j + 3 < N_JOINT ? j + 3 : j;
+            lanes at_j = broadcast(0.0), at_k = at_j, at_l = at_j, at_m = at_j;
+            for (int e = STATE_ROW[i]; e < STATE_ROW[i + 1]; e++) {
+                const lanes slope = a[i][STATE_PLACE[e]];
+                at_j += slope * p[SYMMETRIC[STATE_PLACE[e]][j]];
+                at_k += slope * p[SYMMETRIC[STATE_PLACE[e]][k]];
+                at_l += slope * p[SYMMETRIC[STATE_PLACE[e]][l]];
+                at_m += slope * p[SYMMETRIC[STATE_PLACE[e]][m]];
+            }
+            t[i][m] = at_m; /* past the end they are the first */
+            t[i][l] = at_l;
+            t[i][k] = at_k;
+            t[i][j] = at_j;
+        }
     for (int i = 0; i < N_STATES; i++) {
         for (int j = i; j < N_STATES; j++) {
             lanes sum = broadcast(0.0);
