@@ -43,6 +43,10 @@ class RowError(RecordingError):
         self.line, self.problem = line, problem
 
 
+class NoRowError(RecordingError):
+    """A record of a table says nothing for sure; the next one may."""
+
+
 class NoVerdictError(RecordingError):
     """A recording can be read, and nothing that was asked for can be said from it."""
 

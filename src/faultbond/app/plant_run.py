@@ -295,7 +295,10 @@ def _nothing_new(recording: Recording, before: Saved) -> str:
 def _pass(
     course: Course, blocks: Iterable[RowBlock], grid: Grid, keeper: Keeper | None, out: Out, *, live: bool
 ) -> None:
-    """Pass all rows through the method and write the records as they come; to be stopped is an end like another."""
+    """Pass all rows through the method and write the records as they come.
+
+    To be stopped is an end like another; so is an error in a stream, which nobody can mend and give again.
+    """
     with Stopping() as stopping:
         try:
             for rows in stopping.between(blocks):
@@ -303,9 +306,10 @@ def _pass(
                     _take_kept(course, rows, grid, keeper, out)
                 else:
                     _take(course, grid.push_block(rows), out)
-        except KeyboardInterrupt:
-            out.settle()
-            _end(course, grid, keeper, out, live=live)
+        except (KeyboardInterrupt, RecordingError) as ended:
+            if isinstance(ended, KeyboardInterrupt) or (live and course.counts.samples):
+                out.settle()
+                _end(course, grid, keeper, out, live=live)
             raise
         _end(course, grid, keeper, out, live=live)
 

@@ -60,7 +60,11 @@ def no_time(recording: Recording, texts: TextCells | None = None) -> str:
 
 def texts_of(recording: Recording) -> TextCells:
     """Give what collects the cells of a recording that hold text where numbers belong."""
-    return TextCells("row" if isinstance(recording, MemoryTable) else "line")
+    return TextCells("row" if isinstance(recording, MemoryTable) else "line", _say)
+
+
+def _say(what: str) -> None:
+    sys.stderr.write(f"faultbond: {what}\n")
 
 
 def pace_of(grid: Grid, step: float | None) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
-from faultbond.errors import RecordingError
+from faultbond.errors import NoRowError, RecordingError
 from faultbond.io.files import STANDARD_INPUT
 
 MAX_LINE = 200_000  # characters
@@ -114,7 +114,7 @@ class Lines:
         if len(line) >= MAX_LINE:
             raise RecordingError(f"{where}: a line of more than {MAX_LINE:,} characters is no row of a recording.")
         if "\0" in line:
-            raise RecordingError(f"{where}: {NO_TEXT}")
+            raise NoRowError(f"{where}: {NO_TEXT}")
         return line
 
     def put_back(self, lines: Sequence[str]) -> None:

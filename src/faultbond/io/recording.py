@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.errors import RecordingError
+from faultbond.errors import NoRowError, RecordingError
 from faultbond.io.csv_text import MAX_LINE, Lines, Pieces, delimiter_of, opened_text, reading, records_in
 from faultbond.io.files import STANDARD_INPUT, replaced_text
 from faultbond.io.memory_table import MemoryTable, Recording
@@ -112,7 +112,9 @@ def read_blocks(source: Recording, columns: Columns, texts: TextCells | None = N
 
     Of a table all, of all else, which may be slow, single ones.
 
-    Rows before an error come before it. Parameters and errors are those of `read_rows`.
+    Rows before an error come before it. On standard input a record that is no row is passed over, as `texts` is told,
+    and counts as a row without a time; but where it is the first one: then all are likely so. Parameters and errors
+    are those of `read_rows`.
     """
     texts = texts or TextCells()
     if isinstance(source, MemoryTable):
@@ -206,12 +208,12 @@ class _Layout:
 
         Raises
         ------
-        RecordingError
+        NoRowError
             Where it has too many fields, or decimal commas.
         """
         columns, clock, header, where = self._columns, self._clock, self.header, f"{self._title}:{line}"
         if any(str(value).strip() for value in values[len(header) :]):  # no field is then sure to be its column's
-            raise RecordingError(
+            raise NoRowError(
                 f"{where}: this row has {len(values)} fields, the header {len(header)}. Decimal commas? "
                 "Write numbers with a point; a text that holds a separator needs quotation marks."
             )
@@ -227,12 +229,17 @@ class _Layout:
                 text = _field(values, k)
                 if isinstance(text, str) and WITH_COMMA.fullmatch(text):  # it would pass for a missing value
                     wrong = f"{header[k]!r} is {text.strip()!r}"
-                    raise RecordingError(f"{where}: {wrong}. Decimal commas? Write numbers with a point.")
+                    raise NoRowError(f"{where}: {wrong}. Decimal commas? Write numbers with a point.")
                 if math.isnan(value):
                     self._texts.add(item.header, item.role, line, text)
         saturated, beyond = (y <= self._lowest) | (y >= self._highest), (u < self._least) | (u > self._most)
         y[saturated], u[beyond] = math.nan, math.nan
         return Row(time=moment, u=u, y=y, saturated=int(saturated.sum() + beyond.sum()), line=line)
+
+    def nothing(self, line: int) -> Row:
+        """Give a row that says nothing, not even when."""
+        u, y = (np.full(len(places), math.nan) for places in (self._inputs, self._outputs))
+        return Row(time=math.nan, u=u, y=y, saturated=0, line=line)
 
     def block(self, count: int, line: int, lines: Sequence[str], delimiter: str) -> RowBlock | None:
         """Give the rows of lines, each a record with as many fields as the header, as `row` does for each of them.
@@ -338,7 +345,7 @@ def _csv_blocks(source: str | Path, columns: Columns, title: str, texts: TextCel
     """Turn CSV text into rows, many lines at a time where each of them is a plain record."""
     with reading(title), opened_text(source) as stream:
         body = _Body(Lines(stream, title), columns, title, texts)
-        yield from body.blocks()
+        yield from body.blocks_of_stream() if str(source) == STANDARD_INPUT else body.blocks()
         if body.count == 0:
             raise RecordingError(_no_row(title))
 
@@ -350,6 +357,20 @@ class _Body:
         self.lines, self.count, self._title = lines, 0, title
         self._delimiter = delimiter_of(lines, title)
         self._layout = _Layout(columns, next(records_in(lines, self._delimiter, title), (0, ()))[1], title, texts)
+        self._texts = texts
+
+    def blocks_of_stream(self) -> Iterator[RowBlock]:
+        """Give the same of what cannot be mended and given again: what is no row is passed over, see `read_blocks`."""
+        while True:
+            try:
+                yield from self.blocks()
+                return
+            except NoRowError as error:
+                if not self.count:
+                    raise
+                self.count += 1
+                self._texts.pass_over(str(error))
+                yield block_of_rows([self._layout.nothing(self.lines.number)])
 
     def blocks(self) -> Iterator[RowBlock]:
         """Give the rows up to the end of the text; those before an error come before it."""

@@ -1,5 +1,6 @@
 """Text where numbers belong: of each column the first, with its line, and how many there are."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from faultbond.io.times import is_not_finite
@@ -26,12 +27,16 @@ class TextCells:
     Parameters
     ----------
     place : what a cell's line is called: `line` of a file, `row` of a table
+    tell : takes what is to be said at once
+
+    passed_over: how many records were no rows
     """
 
-    def __init__(self, place: str = "line") -> None:
-        self.place = place
+    def __init__(self, place: str = "line", tell: Callable[[str], None] = lambda why: None) -> None:
+        self.place, self._tell = place, tell
         self._first: dict[str, TextCell] = {}
         self._numbers: dict[str, int] = {}
+        self.passed_over = 0
 
     def add(self, column: str, role: str, line: int, value: object) -> None:
         """Take a cell without a number; one that is empty, or says that there is no value, is left alone."""
@@ -43,6 +48,12 @@ class TextCells:
         self._numbers[column] = self._numbers.get(column, 0) + 1
         if column not in self._first:
             self._first[column] = TextCell(column=column, role=role, line=line, text=text)
+
+    def pass_over(self, why: str) -> None:
+        """Take a record that is no row, and is passed over; which is said of the first."""
+        if not self.passed_over:
+            self._tell(f"{why} The line is passed over.")
+        self.passed_over += 1
 
     def sentences(self) -> tuple[str, ...]:
         """Say of each column which text came first, where, and how many cells of text it has; of many the first."""

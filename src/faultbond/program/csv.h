@@ -16,6 +16,7 @@
 #define CSV_WAITS 0 /* the record is not whole yet; after the last bytes: there is none any more */
 #define CSV_RECORD 1
 #define CSV_ERROR (-1)
+#define CSV_NO_ROW (-2) /* a record that says nothing for sure; the next one may */
 
 /* A text from `begin` to `end`. whole: up to there it has whole lines. lines: number of the last line that was given.
    is_fresh: nothing was given yet. is_ended: no more come. is_padded: the last line had no end of line. */
@@ -126,21 +127,21 @@ static inline size_t csv_length(const Csv *csv, size_t from, size_t stop)
     return text_length(csv->text + from, csv->text + stop) - (csv->is_padded && stop == csv->end);
 }
 
-/* Whether a line is text, and not beyond all measure. */
-static inline int csv_is_text(const Csv *csv, size_t from, size_t stop, int64_t number, char *message)
+/* Look at a line: CSV_RECORD, CSV_NO_ROW where it is no text, or CSV_ERROR where it is beyond all measure. */
+static inline int csv_see_line(const Csv *csv, size_t from, size_t stop, int64_t number, char *message)
 {
     const char *const line = csv->text + from;
     if (stop - from >= CSV_MAX_LINE && csv_length(csv, from, stop) >= CSV_MAX_LINE) {
         (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: a line of more than %d,%03d characters is no row of a recording.", CSV_TITLE,
                        (long long)number, CSV_MAX_LINE / 1000, CSV_MAX_LINE % 1000);
-        return 0;
+        return CSV_ERROR;
     }
     if (memchr(line, '\0', stop - from) != NULL) {
         (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: this is not text in UTF-8. Recordings are CSV or Parquet files; export a spreadsheet as CSV.", CSV_TITLE,
                        (long long)number);
-        return 0;
+        return CSV_NO_ROW;
     }
-    return 1;
+    return CSV_RECORD;
 }
 
 /* Say that a record goes on and on. `n_lines`: whole ones of it. */
@@ -191,7 +192,7 @@ static inline int csv_search_letter(CsvSearch *search, char c, char delimiter)
     return search->length <= CSV_MAX_FIELD;
 }
 
-/* Find the end of the record at `begin`; nothing is changed. */
+/* Find the end of the record at `begin`; nothing is changed. One that is no text ends where that shows. */
 static inline int csv_find_record(const Csv *csv, CsvRecord *record, char *message)
 {
     CsvSearch search = {FIELD_BEGINS, 0};
@@ -204,7 +205,11 @@ static inline int csv_find_record(const Csv *csv, CsvRecord *record, char *messa
             return record->n_lines > 0 ? CSV_RECORD : CSV_WAITS; /* a text that is quoted up to the end */
         }
         const int64_t number = csv->lines + ++record->n_lines;
-        if (!csv_is_text(csv, from, stop, number, message)) return CSV_ERROR;
+        const int seen = csv_see_line(csv, from, stop, number, message);
+        if (seen != CSV_RECORD) {
+            record->stop = stop;
+            return seen;
+        }
         for (size_t k = from; k < stop; k++) {
             if (csv_search_letter(&search, csv->text[k], csv->delimiter)) continue;
             (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: this is not a row of a CSV file (field larger than field limit (%d)).",
@@ -270,7 +275,7 @@ static inline int csv_find_delimiter(Csv *csv, char *message)
     for (;;) {
         const size_t stop = csv_line_end(csv, csv->begin);
         if (stop == 0) return csv->is_ended || csv->end - csv->begin < CSV_ROOM ? CSV_WAITS : csv_refuse_long(csv, 0, message);
-        if (!csv_is_text(csv, csv->begin, stop, csv->lines + 1, message)) return CSV_ERROR;
+        if (csv_see_line(csv, csv->begin, stop, csv->lines + 1, message) != CSV_RECORD) return CSV_ERROR;
         const char *const line = csv->text + csv->begin, *const end = csv->text + stop;
         size_t size = stop - csv->begin, most = 0;
         while (size > 0 && (line[size - 1] == '\n' || line[size - 1] == '\r')) size--;

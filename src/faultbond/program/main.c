@@ -219,6 +219,8 @@ static int pass_all(Reader *reader, Course *course, Keeper *keeper)
         if (is_output_closed(course->json->out)) return NOBODY_READS;
         if (got == READER_ERROR) {
             fprintf(stderr, "%s\n", reader->message);
+            reader_stop(reader);
+            (void)pass_points(reader, course, keeper);
             return USER_MISTAKE;
         }
         if (n == 0) return DONE;
@@ -291,7 +293,8 @@ static int watch_plant(const Wishes *wishes, Plant *plant, Json *json)
     const Counts before = reader_counts(&the_reader);
     write_run(json, last_time);
     const int code = pass_all(&the_reader, &the_course, &the_keeper);
-    if (code != DONE && code != SIGNALLED + system_signal()) return code;
+    const int is_stopped = code == SIGNALLED + system_signal();
+    if (code != DONE && !is_stopped && (code != USER_MISTAKE || reader_counts(&the_reader).samples == before.samples)) return code;
     end_run(&the_reader, &the_course, &the_keeper);
     if (is_output_closed(json->out)) return NOBODY_READS;
     return code != DONE ? code : conclude_run(&the_reader, &the_course, &before, last_time);

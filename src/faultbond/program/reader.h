@@ -44,7 +44,7 @@ typedef struct {
     TableRow pending[MEANS_ROOM];
     int n_pending, n_pushed;
     ReaderStage stage;
-    int is_stopped, has_failed;
+    int is_stopped, has_failed, has_passed_over;
     char message[MESSAGE_ROOM];
 } Reader;
 
@@ -57,7 +57,7 @@ static inline void reader_begin(Reader *reader)
     grid_begin(&reader->grid);
     reader->n_pending = reader->n_pushed = 0;
     reader->stage = READING_HEADER;
-    reader->is_stopped = reader->has_failed = 0;
+    reader->is_stopped = reader->has_failed = reader->has_passed_over = 0;
     reader->message[0] = '\0';
 }
 
@@ -77,12 +77,13 @@ static inline size_t reader_take(Reader *reader, const char *bytes, size_t n, in
     return reader->is_stopped || reader->has_failed ? n : csv_take(&reader->csv, bytes, n, last);
 }
 
-/* No more come, and what is read but not given is dropped, as where a person stops the run; points that were held back come
+/* No more come, and what is read but not given is dropped, as where a person stops the run, or after an error; points that were held back come
    with the next calls of reader_next. No recording is then too short. */
 static inline void reader_stop(Reader *reader)
 {
     if (reader->stage < MEANS_ARE_LEFT) reader->stage = MEANS_ARE_LEFT;
     reader->is_stopped = 1;
+    reader->has_failed = 0;
 }
 
 static inline int reader_fails(Reader *reader)
@@ -99,11 +100,23 @@ static inline int reader_read_header(Reader *reader)
     int found = csv_find_delimiter(csv, reader->message);
     if (found == CSV_RECORD) found = csv_find_record(csv, &record, reader->message);
     if (found == CSV_WAITS && !csv->is_ended) return 0;
-    if (found == CSV_ERROR) return reader_fails(reader);
+    if (found == CSV_ERROR || found == CSV_NO_ROW) return reader_fails(reader);
     if (layout_begin(&reader->layout, csv, found == CSV_RECORD ? &record : NULL, reader->message) == CSV_ERROR)
         return reader_fails(reader);
     csv_pass(csv, &record);
     reader->stage = READING_ROWS;
+    return 1;
+}
+
+/* Pass over a record that is no row, and say so of the first; it counts as one without a time. Gives whether that is done: not
+   where it is the first record, as then all of them are likely so. */
+static inline int reader_passes_over(Reader *reader)
+{
+    if (reader->layout.count == 0) return 0;
+    if (!reader->has_passed_over) fprintf(stderr, "faultbond: %s The line is passed over.\n", reader->message);
+    reader->has_passed_over = 1;
+    reader->layout.count++;
+    reader->grid.counts.untimed++;
     return 1;
 }
 
@@ -112,6 +125,7 @@ static inline int reader_read_row(Reader *reader)
 {
     TableRow row;
     const int found = read_row(&reader->layout, &reader->csv, &row, reader->message);
+    if (found == CSV_NO_ROW) return reader_passes_over(reader) || reader_fails(reader);
     if (found == CSV_ERROR) return reader_fails(reader);
     if (found == CSV_WAITS) {
         if (!reader->csv.is_ended) return 0;

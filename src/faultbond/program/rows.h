@@ -6,18 +6,23 @@
 #include "likeness.h"
 #include "moment.h"
 
+#include <stdlib.h>
+
 #define N_COLUMNS (1 + N_INPUTS + N_OUTPUTS) /* time, inputs, sensors: so are the tables of columns.h */
 #define SHOWN_COLUMNS 20
 #define SHOWN_LETTERS 40
 #define SAID_LETTERS 200 /* of a field that is shown in a message */
+#define TOLD_COLUMNS 6   /* of which it is said that they hold text */
 
 /* place: of each column in a record; -1: it has none. wanted: the places in order, each once. slot: of each column in
-   `wanted`. count: rows so far. first_time: of the first row, where there is no column of time. */
+   `wanted`. count: rows so far. first_time: of the first row, where there is no column of time. is_told: whether it was said that
+   a column holds text; n_told: of how many. */
 typedef struct {
     int64_t n_fields, place[N_COLUMNS], wanted[N_COLUMNS];
     int slot[N_COLUMNS], n_wanted;
     int64_t count;
     double first_time;
+    int is_told[N_COLUMNS], n_told;
 } Layout;
 
 /* Whether a column is looked for. */
@@ -107,7 +112,8 @@ static inline int layout_begin(Layout *layout, Csv *csv, const CsvRecord *record
 {
     const char *const names = csv->text + csv->begin;
     int says = 0, has_time = 0;
-    layout->count = 0;
+    layout->count = layout->n_told = 0;
+    memset(layout->is_told, 0, sizeof layout->is_told);
     layout->n_fields = record != NULL ? take_names(csv, record, &says) : 0;
     if (!says) {
         (void)snprintf(message, MESSAGE_ROOM, "%s: it is empty. The first row must name the columns.", CSV_TITLE);
@@ -253,13 +259,45 @@ static inline int find_fields(const Layout *layout, Csv *csv, const CsvRecord *r
     return !is_more;
 }
 
-/* Make a row of a record that was passed; gives CSV_RECORD or CSV_ERROR. */
+/* Whether a field without a number says that there is none: empty, null, nan or inf. */
+static inline int is_nothing(const char *field)
+{
+    char *end;
+    return !text_says(field) || text_is(field, "null") || (!isfinite(strtod(field, &end)) && !text_says(end));
+}
+
+/* Say once of each column which text stands in place of a number, or of a time. */
+static inline void tell_texts(Layout *layout, char *const *fields, const TableRow *row)
+{
+    static const char *const SWITCHES[] = {"on", "off", "true", "false", "yes", "no", "open", "closed", "running", "stopped"};
+    for (int c = 0; c < N_COLUMNS && layout->n_told < TOLD_COLUMNS; c++) {
+        const char *const field = layout->place[c] >= 0 ? fields[layout->slot[c]] : NULL;
+        char shown[4 * SHOWN_LETTERS + 1];
+        int is_switch = 0;
+        if (field == NULL || layout->is_told[c] || isfinite(c > 0 ? number_in(field) : row->time) || is_nothing(field)) continue;
+        layout->is_told[c] = 1;
+        layout->n_told++;
+        shown[0] = '\0';
+        text_add(shown, sizeof shown, field, SHOWN_LETTERS);
+        for (char *at = shown; *at != '\0'; at++)
+            if ((*at > 0 && *at < ' ') || *at == 127) *at = '?'; /* what a terminal would obey */
+        for (size_t k = 0; k < sizeof SWITCHES / sizeof SWITCHES[0]; k++) is_switch = is_switch || text_is(field, SWITCHES[k]);
+        if (c == 0)
+            fprintf(stderr, "faultbond: column %s, line %lld: '%s' is no time; its row is not used.\n", COLUMN_SHOWN[c],
+                    (long long)row->line, shown);
+        else
+            fprintf(stderr, "faultbond: column %s (%s), line %lld: '%s' is no number%s; it counts as missing.\n", COLUMN_SHOWN[c],
+                    COLUMN_ROLE[c], (long long)row->line, shown, is_switch ? ", write 1 or 0 for it" : "");
+    }
+}
+
+/* Make a row of a record that was passed; gives CSV_RECORD or CSV_NO_ROW. */
 static inline int row_of_record(Layout *layout, Csv *csv, const CsvRecord *record, TableRow *row, char *message)
 {
     char *fields[N_COLUMNS];
     double numbers[N_COLUMNS];
     int is_missing = 0;
-    if (!find_fields(layout, csv, record, fields, message)) return CSV_ERROR;
+    if (!find_fields(layout, csv, record, fields, message)) return CSV_NO_ROW;
     for (int k = 0; k < layout->n_wanted; k++) numbers[k] = fields[k] != NULL ? number_in(fields[k]) : NAN;
     row->line = csv->lines;
     row->time = numbered_time(layout);
@@ -267,19 +305,21 @@ static inline int row_of_record(Layout *layout, Csv *csv, const CsvRecord *recor
     for (int c = 1; c < N_COLUMNS; c++) is_missing = is_missing || isnan(to_si(c, numbers[layout->slot[c]]));
     char *const moment = layout->place[0] >= 0 ? fields[layout->slot[0]] : NULL;
     if (moment != NULL && isnan(numbers[layout->slot[0]])) row->time = moment_in(text_strip(moment));
-    if ((is_missing || isnan(row->time)) && !has_no_commas(layout, fields, row->line, message)) return CSV_ERROR;
+    if ((is_missing || isnan(row->time)) && !has_no_commas(layout, fields, row->line, message)) return CSV_NO_ROW;
+    if (is_missing || isnan(row->time)) tell_texts(layout, fields, row);
     fill_row(layout, numbers, row);
     layout->count++;
     return CSV_RECORD;
 }
 
-/* Read the next row: CSV_RECORD, CSV_WAITS or CSV_ERROR. */
+/* Read the next row: CSV_RECORD, CSV_NO_ROW, CSV_WAITS or CSV_ERROR. */
 static inline int read_row(Layout *layout, Csv *csv, TableRow *row, char *message)
 {
     CsvRecord record;
     for (;;) {
         if (read_plain(layout, csv, row)) return CSV_RECORD;
         const int found = csv_find_record(csv, &record, message);
+        if (found == CSV_NO_ROW) csv_pass(csv, &record);
         if (found != CSV_RECORD) return found;
         const int is_empty = csv_is_empty(csv);
         csv_pass(csv, &record);

@@ -80,6 +80,14 @@ static inline int text_says(const char *at)
     return 0;
 }
 
+/* Whether a text is a word of small ASCII letters, however written, between spaces. */
+static inline int text_is(const char *at, const char *word)
+{
+    while (is_ascii_space(*at)) at++;
+    for (; *word != '\0' && (*at >= 'A' && *at <= 'Z' ? *at + 'a' - 'A' : *at) == *word; at++) word++;
+    return *word == '\0' && !text_says(at);
+}
+
 /* Take the blanks off both ends of a text that ends with 0; gives its new begin. */
 static inline char *text_strip(char *text)
 {

@@ -15,7 +15,8 @@ import pytest
 
 from faultbond.errors import RecordingError
 from faultbond.io.grid import Counts, Grid, Row, on_grid
-from faultbond.io.recording import Column, Columns, read_rows, write_recording
+from faultbond.io.recording import Column, Columns, read_blocks, read_rows, write_recording
+from faultbond.io.text_cells import TextCells
 from faultbond.io.times import parse_time
 from faultbond.model.graph import TimeColumn, Unit
 
@@ -250,6 +251,29 @@ def test_standard_input_gives_rows_as_they_come(monkeypatch: pytest.MonkeyPatch)
         assert list(points) == []
         assert not stdin.closed
     assert grid.counts == Counts(samples=2, missing=1)
+
+
+def test_a_line_of_standard_input_that_is_no_row_is_told_once_and_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It counts as a row without a time, wherever blocks begin; the first row of all is refused, and so is a file's."""
+    told: list[str] = []
+    text = "time,u,level,heat\n5,1,2,3\n6,1,2,3,4\n7,1,2,3\n8,1,2,3,4\n"
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text.encode())))
+    texts, grid = TextCells(tell=told.append), Grid(1.0, live=True)
+    blocks = [*read_blocks("-", COLUMNS, texts)]
+    times = [float(time) for block in blocks for time in block.time]
+    np.testing.assert_array_equal(times, [5.0, math.nan, 7.0, math.nan])
+    assert [int(line) for block in blocks for line in block.line] == [2, 3, 4, 5]
+    assert told == [
+        "standard input:3: this row has 5 fields, the header 4. Decimal commas? Write numbers with a point; a text "
+        "that holds a separator needs quotation marks. The line is passed over."
+    ]
+    assert texts.passed_over == 2
+    for block in blocks:
+        list(grid.push_block(block))
+    assert grid.counts.untimed == 2
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text.replace("5,1,2,3", "5,1,2,3,4").encode())))
+    with pytest.raises(RecordingError, match=r"^standard input:2: this row has 5 fields"):
+        list(read_blocks("-", COLUMNS))
 
 
 def test_standard_input_is_named_in_errors(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -72,6 +72,17 @@ def test_a_cut_recording_is_as_that_of_run(programs: Programs, tmp_path: Path) -
         assert one.code == (0, 1, 1, 1, 2)[k]
 
 
+def test_a_stream_that_breaks_off_is_kept_up_to_there(programs: Programs, tmp_path: Path) -> None:
+    """Its records end as those of `run`, and the rows after the fault in it go on from the last one before."""
+    broken = rows(0, 1200) + b"1," + b"7" * 140_000 + b"\n" + rows(1200, 1210)
+    for k, data in enumerate((broken, rows(1200, None))):
+        kept = [("--state", str(tmp_path / name)) for name in ("own", "python")]
+        one, other = watched(programs("rc"), data, *kept[0]), ran(example_of("rc"), data, *kept[1])
+        assert_same(one, other)
+        assert one.code == (2, 1)[k]
+        assert one.records[-1]["samples"] == (1200, len(LINES) - 1)[k]
+
+
 @pytest.fixture(scope="module")
 def kept(programs: Programs, tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """The file of a run in alarm."""

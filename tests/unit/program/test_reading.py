@@ -240,11 +240,11 @@ def test_spoilt_texts_are_read_or_refused_as_by_python(
         (b"t,u,y,z\n0,1,2,3\n", "Name it in the model file"),
         (b"'time,u,y,z\n0,1,2,3\n", "Did you mean ''time'?"),
         (b"a" * 90 + b",b" * 30 + b"\n1\n", " and 11 more"),
-        (b"time;u;y;z\n0;1;2;3\n1;1;2,5;3\n", ":3: 'y' is '2,5'. Decimal commas?"),
-        (b"time;u;y;z\n0;1;2;3\n1;1; -2,5e+3 ;3\n", "'y' is '-2,5e+3'"),
-        (b"time,u,y,z\n0,1,2,3\n1,1,2,3,4\n", ":3: this row has 5 fields, the header 4."),
+        (b"time;u;y;z\n0;1;2,5;3\n1;1;2;3\n", ":2: 'y' is '2,5'. Decimal commas?"),
+        (b"time;u;y;z\n1;1; -2,5e+3 ;3\n", "'y' is '-2,5e+3'"),
+        (b"time,u,y,z\n1,1,2,3,4\n2,1,2,3\n", ":2: this row has 5 fields, the header 4."),
         (b'time,u,y,z\n0,1,2,3\n"1' + b"\n" * 120 + b'",2,3,4\n', ":3: a quotation mark is opened here"),
-        (b"time,u,y,z\n0,1,2,3\n1,2,3,\0\n", ":3: this is not text in UTF-8."),
+        (b"time,u,y,z\n1,2,3,\0\n2,1,2,3\n", ":2: this is not text in UTF-8."),
         (b"PAR1\xff\xfe\xff\xff\n", ":1: this is not text in UTF-8."),
         (b"time,u,y,z\n0,1,2,3\n1," + b"7" * 140_000 + b",3,4\n", "field larger than field limit (131072)"),
         (b'time,u,y,z\n0,1,2,3\n"' + b"7" * 140_000 + b'",2,3,4\n', "field larger than field limit (131072)"),
@@ -266,6 +266,45 @@ def test_what_is_no_recording_is_said_as_by_python(
     assert said in c.message
     assert c.message == python.message
     np.testing.assert_array_equal(c.points, python.points)
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        (b"2;1;2,5;3", "standard input:4: 'y' is '2,5'. Decimal commas? Write numbers with a point."),
+        (b"2;1;2;3;4;5", "standard input:4: this row has 6 fields, the header 4."),
+        (b"2;1;\0;3", "standard input:4: this is not text in UTF-8."),
+        (b'2;"1\n2";3;\0', "standard input:5: this is not text in UTF-8."),
+    ],
+)
+def test_a_record_that_is_no_row_is_passed_over_and_counted(
+    row: bytes, said: str, readings: Compiled, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """But not the first one. The points are those without it; it is told once, however many follow."""
+    lines = [b"time;u;y;z", *(b"%d;1;2;3" % k for k in range(6)), b""]
+    with_it = b"\n".join([*lines[:3], row, *lines[4:5], row, *lines[6:]])
+    without = b"\n".join([*lines[:3], *lines[4:5], *lines[6:]])
+    c, python = readings["plain"].read(with_it, 5000), python_reads(KINDS["plain"], with_it, 5000, monkeypatch)
+    told = capfd.readouterr().err.splitlines()
+    assert [line.startswith(f"faultbond: {said}") for line in told] == [True]
+    assert told[0].endswith("The line is passed over.")
+    assert_same(KINDS["plain"], c, python)
+    assert (c.message, c.counts.untimed) == ("", 2)
+    np.testing.assert_array_equal(c.points, python_reads(KINDS["plain"], without, 5000, monkeypatch).points)
+
+
+def test_text_in_place_of_numbers_is_told_once_for_each_column(
+    readings: Compiled, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """As `run` tells it at the end; what loggers write for no value is not told."""
+    rows = b"0,nan,,inf\n1,NULL, null ,-Infinity\n2,1,bad \xc3\xa9,3.2 bar\n3,On,x,1e999\nnow,1,2,3\n4,1,2,3\n"
+    readings["plain"].read(b"time,u,y,z\n" + rows, 5000)
+    assert capfd.readouterr().err.splitlines() == [
+        "faultbond: column 'y' (sensor y), line 4: 'bad é' is no number; it counts as missing.",
+        "faultbond: column 'z' (sensor z), line 4: '3.2 bar' is no number; it counts as missing.",
+        "faultbond: column 'u' (input u), line 5: 'On' is no number, write 1 or 0 for it; it counts as missing.",
+        "faultbond: column 'time', line 6: 'now' is no time; its row is not used.",
+    ]
 
 
 @pytest.mark.parametrize(
