@@ -35,8 +35,8 @@ from faultbond.types import Method, Verdict
 class PlantRun:
     """A run on a plant in time that is over.
 
-    trace: what it saw, None where nobody asked for it. hints: sentences on what else an alarm may come from.
-    texts: what the recording has where numbers belong, in words.
+    trace: what it saw, None where nobody asked for it. hints: sentences on what else an alarm may come from. remarks:
+    on what the verdict does not cover. texts: what the recording has where numbers belong, in words.
     """
 
     plant: WatchedPlant
@@ -44,6 +44,7 @@ class PlantRun:
     course: Course
     trace: Trace | None
     hints: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     texts: tuple[str, ...] = ()
 
     @property
@@ -68,7 +69,7 @@ class PlantRun:
                 sys.stderr.write(f"faultbond: {told}.\n")
             for item in self.silent:
                 sys.stderr.write(f"faultbond: {item.sentence(seconds)}.\n")
-            for told in self.hints:
+            for told in (*self.hints, *self.remarks):
                 sys.stderr.write(f"faultbond: {told}\n")
             if self.no_verdict:
                 sys.stderr.write(f"faultbond: no verdict: {self.no_verdict}.\n")
@@ -130,6 +131,7 @@ class PlantRun:
             silent=self.silent,
             texts=self.texts,
             hints=self.hints,
+            remarks=self.remarks,
         )
 
 
@@ -180,7 +182,7 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
     from faultbond.app.stated_starts import SOUGHT, contradictions, start_sentence  # noqa: PLC0415 - after an alarm only
     from faultbond.app.unfamiliar import unfamiliar_sentence, unfamiliar_signals  # noqa: PLC0415 - after an alarm only
     from faultbond.app.unit_guess import guess_units, sentence_of  # noqa: PLC0415 - loads the units
-    from faultbond.report.doubts import active_sentence, hidden_sentence  # noqa: PLC0415 - after an alarm only
+    from faultbond.report.shortcomings import active_sentence, hidden_sentence  # noqa: PLC0415 - after an alarm only
 
     def points() -> Iterator[PointBlock]:
         return _points(read_blocks(recording, plant.columns), new_grid(watcher.spec, live=False))
@@ -192,8 +194,8 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
         hidden = hidden_sentence(watcher.spec)
         first = tuple(map(sample_of, islice((point for block in points() for point in block.points()), SOUGHT)))
         beginning = start_sentence(plant.graph, "The recording", contradictions(plant.graph, watcher.core, first))
-        hints = (active_sentence(plant.graph), beginning, marked, told, stood, hidden)
-        return replace(run, hints=tuple(filter(None, hints)))
+        hints, remarks = (active_sentence(plant.graph), beginning, marked, told), (stood, hidden)
+        return replace(run, hints=tuple(filter(None, hints)), remarks=tuple(filter(None, remarks)))
     return run
 
 

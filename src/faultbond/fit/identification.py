@@ -333,11 +333,14 @@ def _without_wild(
         count = sum(int(item.sum()) for item in far)
         if not count or count > FEW_WILD * sum(item.readings for item in kept):
             break
-        kept = tuple(item.without(wild) for item, wild in zip(kept, far, strict=True))
-        begin = spread_noise(plant, kept, best.point)
+        fewer = tuple(item.without(wild) for item, wild in zip(kept, far, strict=True))
+        begin = spread_noise(plant, fewer, best.point)
         wide = plant.unknowns.widened(WIDE)
         told = _steps(tell, "leaving out readings that lie far off")
-        best = ascend(plant, kept, begin, wide, anchor=best.point.starts, turns=TURNS, finish=finish, tell=told)
+        found = ascend(plant, fewer, begin, wide, anchor=best.point.starts, turns=TURNS, finish=finish, tell=told)
+        if not np.isfinite(found.posterior):  # without them the filter goes astray
+            break
+        kept, best = fewer, found
     return kept, best
 
 

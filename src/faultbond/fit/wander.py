@@ -72,7 +72,7 @@ def wanders_of(
     while left:
         likeliest = ground.likeliest(left)
         gain = ground.climb(likeliest)
-        if gain < WORTH:
+        if not gain >= WORTH:  # nor where it is no number
             break
         gains.append(gain)
         left = [item for item in left if item.place != likeliest.place]

@@ -21,11 +21,11 @@ from faultbond.model.graph import BondGraph, Check, Component, Curve, Parameter,
 from faultbond.model.keys import BETWEEN, BEYOND, NOISES_OF
 from faultbond.model.parser import to_text
 from faultbond.report.console import headline, lines, table, title, under
-from faultbond.report.doubts import active_texts, doubtful, hidden_suspects
 from faultbond.report.lateness import lag_lines, validity_lines
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
 from faultbond.report.oddities import oddities
 from faultbond.report.reservations import known_alarms
+from faultbond.report.shortcomings import active_texts, doubtful, hidden_suspects
 from faultbond.report.suspects import owner_title
 from faultbond.report.together import together_texts
 from faultbond.report.verdict import step_text, unfalsifiable_text

@@ -70,7 +70,7 @@ class RunCounts:
     no_verdict: why the run says nothing about the plant; empty where it does. disorder: the same where rows are so
     much out of order that an alarm says nothing either. silent: sensors and inputs that gave no value, hardly any, or
     none for long. texts: what stands where numbers belong, in words. hints: sentences on what else an alarm may come
-    from, such as a wrong unit.
+    from, such as a wrong unit, which are told first. remarks: on what the verdict does not cover, told after it.
     """
 
     samples: int
@@ -90,6 +90,7 @@ class RunCounts:
     silent: tuple[Silent, ...] = ()
     texts: tuple[str, ...] = ()
     hints: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def defects(self) -> str:
         """Say what was wrong with the recording, `3 missing, 1 late`; empty where nothing was."""
@@ -161,6 +162,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
                 *counts.hints,
                 verdict_sentence(graph, history, counts, notation),
                 *course_sentences(graph, history, diagnosis),
+                *counts.remarks,
             )
         ),
         sensors=", ".join(sensor.name for sensor in graph.sensors),

@@ -5,7 +5,7 @@ import pytest
 from faultbond.equations.passivity import active_elements
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
-from faultbond.report.doubts import active_sentence, active_texts
+from faultbond.report.shortcomings import active_sentence, active_texts
 
 TABLES = "tables: {curve: {points: [[-1, -1], [1, 1]]}}\n"
 MODEL = """\
