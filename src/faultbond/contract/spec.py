@@ -179,7 +179,8 @@ class Thresholds:
 class StateSpec:
     """A plant state and what is known of its start (SI); `start_sd` None: solved from the first samples.
 
-    follows: the input whose lag it is; it then begins about where that is first. -1: none.
+    follows: the input whose lag it is; it then begins about where that is first. -1: none. usual: its size in a plant
+    in use, SI; 0: nobody knows.
     """
 
     name: str
@@ -189,6 +190,7 @@ class StateSpec:
     drift: float = 0.0  # sd for each sample of a gap: after it a sensor will be off by about its noise
     jumps: tuple[tuple[int, float], ...] = ()  # (parameter, exponent): times factor**exponent where the content stays
     follows: int = -1
+    usual: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)  # no slots: what follows from the fields is worked out once

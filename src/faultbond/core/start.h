@@ -308,8 +308,8 @@ static void find_sizes(double (*samples)[N_SAMPLE], const int *unknown, int n, c
     }
     for (int c = 0; c < n; c++) {
         double *own = &size[unknown[c]], usual = fabs(memory->centre[unknown[c]]);
-        if (!(usual > NOTHING_OF_SIZE * *own)) usual = 0.0;
-        const int hidden = usual > 0.0 && *own / total > usual; /* even its whole settled value would drown in noise */
+        if (!(usual > NOTHING_OF_SIZE * *own)) usual = STATE_USUAL[unknown[c]]; /* at rest an empty store, as a belt, settles empty */
+        const int hidden = usual > 0.0 && *own / total > usual; /* even its whole usual value would drown in noise */
         *own = effect[c] <= 0.0 ? (usual > 0.0 ? usual : 1.0) : hidden ? usual : *own * REACH_OF_STATE;
     }
 }

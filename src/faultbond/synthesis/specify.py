@@ -158,6 +158,7 @@ def _state(model: StepModel, k: int, drift: float) -> StateSpec:
         drift=drift,
         jumps=tuple((j, float(power)) for j, power in enumerate(exponents) if np.isfinite(power) and power != 0.0),
         follows=[item.name for item in graph.inputs].index(source) if source else -1,
+        usual=abs(float(model.reference_state[k])),
     )
 
 

@@ -348,6 +348,41 @@ def test_where_only_the_very_zero_has_values_a_start_is_sought_from_elsewhere(ca
     assert np.all(np.sqrt(np.diag(covariance)) < 20e3)
 
 
+BELT = """
+name: belt
+sample_time: 1 s
+inputs: {torque: {}, load: {}}
+components:
+  motor: {type: Se, law: e = torque}
+  feed: {type: Sf, law: f = load}
+  inertia: {type: I, law: p = J*f, parameters: {J: {nominal: 20, accuracy: 5 %}}}
+  rolling: {type: R, law: e = mu*belt.e*tanh(f/0.4), parameters: {mu: {nominal: 0.05, accuracy: 5 %}}}
+  bearing: {type: R, law: e = b*f, parameters: {b: {nominal: 4, accuracy: 5 %}}}
+  mass: {type: C, law: q = 10*e}
+  falls: {type: Sf, law: f = belt.e*drum.f}
+  hall: {type: Se, law: e = 290}
+  wall: {type: R, law: f = e/tau, parameters: {tau: {nominal: 20 s, accuracy: 5 %}}}
+  housing: {type: C, law: q = 50*e}
+junctions: {drum: 1, belt: 0, cooling: 1, house: 0}
+bonds: [motor -> drum -> inertia, drum -> rolling, drum -> bearing, feed -> belt -> mass, belt -> falls,
+        hall -> cooling -> house -> housing, cooling -> wall]
+sensors: {speed: {reads: drum.f, noise: 0.02}, warmth: {reads: house.e, noise: 0.1}}
+"""
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_nothing_shows_of_a_plant_at_rest_is_about_as_in_use(seed: int) -> None:
+    """A belt that stands has any load: the noise of the encoder would be one of 1e14 kg on it."""
+    graph = parse_model(BELT)
+    spec, core = build_engine(graph)
+    read = np.random.default_rng(seed).normal([0.0, 290.0], [0.02, 0.1], (40, 2))
+    given = tuple(Sample(time=float(k), dt=float(k > 0), u=np.zeros(2), y=y) for k, y in enumerate(read))
+    mean, covariance = solved(core, packed(spec, given))
+    place = [item.name for item in spec.states].index("belt.e")
+    assert 0.0 < spec.states[place].usual < 1e3
+    assert np.hypot(mean[place], np.sqrt(covariance[place, place])) < 10.0 * spec.states[place].usual
+
+
 def test_what_lags_behind_an_input_is_about_where_that_is_though_all_else_is_far_off() -> None:
     """The same drive, whose voltage lags: what other states are shown to be says nothing of the size of that."""
     spec, core = build_engine(parse_model(HOT_DRIVE.replace("voltage: {unit: V}", "voltage: {unit: V, lag: 1 s}")))
