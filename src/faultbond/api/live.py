@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from datetime import datetime
 from decimal import Decimal
 from numbers import Real
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
-from faultbond.api.options import PathLike, level_of, method_of, names_of, spelled
+from faultbond.api.options import PathLike, file_of, level_of, method_of, names_of, spelled
 from faultbond.api.plant_model import Model, ModelLike, as_model
 from faultbond.api.ranked import RankedCandidate, ranked
 from faultbond.api.result import told_silent, told_verdict
@@ -136,17 +135,16 @@ class Monitor:
         RecordingError
             Where the file cannot be read, is damaged, or is of another model.
         """
-        if not isinstance(path, str | os.PathLike):
-            raise RecordingError(f"{type(path).__name__}: expected the path of a file that `save` wrote.")
+        file = file_of(path, "path")
         if model is None:
-            document = read_saved(Path(path)).document
+            document = read_saved(file).document
             if document is None:
                 raise RecordingError(f"{path}: the model is not in it. Give it, too: Monitor.restore(path, model).")
             label, text = document
             restored = Model(text, file=label)
         else:
             restored = as_model(model)
-        before = read_before(Path(path), restored.graph)
+        before = read_before(file, restored.graph)
         if before is None:
             raise RecordingError(f"{path}: there is no such file.")
         monitor = cls.__new__(cls)
@@ -235,7 +233,7 @@ class Monitor:
         if saved is None:
             raise FaultbondError(f"{path}: there is nothing to save before the first row.")
         try:
-            write_saved(Path(path), saved)
+            write_saved(file_of(path, "path"), saved)
         except OSError as error:
             raise FaultbondError(f"{os.fspath(path)}: it cannot be written: {error.strerror or error}.") from error
 

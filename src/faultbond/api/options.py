@@ -20,7 +20,8 @@ QuantityLike: TypeAlias = str | float  # "60 s", or SI
 def recording_of(recording: object) -> Recording:
     """Give a recording as the verbs take it: a path as text, all else as a table."""
     if isinstance(recording, str | os.PathLike):
-        return os.fspath(recording)
+        file_of(recording, "recording")
+        return os.fspath(recording)  # as it was written
     return recording if isinstance(recording, MemoryTable) else table_of(recording)
 
 
@@ -186,6 +187,21 @@ def truth_of(value: bool, option: str) -> bool:
     return bool(value)
 
 
-def path_of(path: PathLike | None) -> Path | None:
+def file_of(path: PathLike, option: str) -> Path:
+    """Give a path.
+
+    Raises
+    ------
+    FaultbondError
+        Where it is no path, or has a character that no path has.
+    """
+    if not isinstance(path, str | os.PathLike):
+        raise FaultbondError(f"{option}: {type(path).__name__}, where a path is expected")
+    if "\0" in (text := os.fsdecode(path)):
+        raise FaultbondError(f"{option}={text!r}: no path has the character NUL")
+    return Path(text)
+
+
+def path_of(path: PathLike | None, option: str) -> Path | None:
     """Give a path, None of none."""
-    return None if path is None else Path(path)
+    return None if path is None else file_of(path, option)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from io import StringIO
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -190,7 +189,7 @@ class Result:
         """
         if not isinstance(self.of_run, PlantRun):
             raise FaultbondError(f"{self.model.file}: a network without time has no curves to draw.")
-        written(Path(path), self.of_run.page())
+        written(path, self.of_run.page())
 
     @property
     def _graph(self) -> BondGraph | None:

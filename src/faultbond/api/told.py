@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from io import StringIO
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -108,7 +107,7 @@ class FittedModel(Told):
         FaultbondError
             Where it cannot be written.
         """
-        written(Path(path), self.found.page())
+        written(path, self.found.page())
 
 
 def printed(show: "Callable[[Console], None]") -> str:

@@ -13,6 +13,7 @@ from faultbond.api.options import (
     PathLike,
     QuantityLike,
     begun_at,
+    file_of,
     level_of,
     method_of,
     names_of,
@@ -88,7 +89,12 @@ def run(
     'healthy'
     """
     plant = as_model(model)
-    wanted = Wanted(method=method_of(method), report=path_of(report), accept=level_of(accept), state=path_of(state))
+    wanted = Wanted(
+        method=method_of(method),
+        report=path_of(report, "report"),
+        accept=level_of(accept),
+        state=path_of(state, "state"),
+    )
     _refuse_outputs(plant, [recording], state=state, report=report, json=json)
     with _records(json) as out:
         found = watch_any(plant.source, recording_of(recording), wanted=wanted, out=out, curves=True)
@@ -281,16 +287,16 @@ def fit(
     found = identified(source.source, recordings_of(recordings), wishes=wishes)
     if found.failed is not None:
         raise found.failed
-    records = found.records(path_of(output))
+    records = found.records(path_of(output, "output"))
     fitted = FittedModel(
         record=MappingProxyType(finite(records[0])),
-        text=printed(lambda console: found.show(console, path_of(output))),
+        text=printed(lambda console: found.show(console, path_of(output, "output"))),
         model=Model(found.text, file=str(output or source.file)),
         found=found,
         quieted=MappingProxyType(finite(records[1])) if len(records) > 1 else None,
     )
     if output is not None:
-        written(Path(output), found.text)
+        written(output, found.text)
     if report is not None:
         fitted.report(report)
     return fitted
@@ -340,7 +346,7 @@ class Simulation:
             Where it cannot be written.
         """
         try:
-            write_recording(Path(path), self.found.columns())
+            write_recording(file_of(path, "path"), self.found.columns())
         except OSError as error:
             raise FaultbondError(f"{path}: it cannot be written: {error.strerror or error}.") from error
 
@@ -442,7 +448,7 @@ def generate(
     FaultbondError
         Where something is wrong with the model or an option, or the folder holds something else.
     """
-    source, folder = as_model(model).source, Path(output)
+    source, folder = as_model(model).source, file_of(output, "output")
     most = None if lanes_at_most is None else whole_of(lanes_at_most, "lanes_at_most", 1, None)
     watch_only = truth_of(watch_only, "watch_only")
     if fmu is not None and target is not None:
@@ -454,7 +460,7 @@ def generate(
     if recording is not None and not web:
         raise FaultbondError("recording: only a page, web=True, has a recording inside")
     if web:
-        inside = None if recording is None else Path(recording)
+        inside = path_of(recording, "recording")
         found = generated_page(source, output=folder, recording=inside, lanes_at_most=most, watch_only=watch_only)
     elif fmu is None:
         chosen = target or TARGETS[0]
@@ -480,7 +486,9 @@ def accept(model: ModelLike, state: PathLike, *names: str, repaired: bool = Fals
     FaultbondError
         Where there is nothing to accept, or no such candidate.
     """
-    return accepted_in(as_model(model).source, Path(state), spelled(names), repaired=truth_of(repaired, "repaired"))[1]
+    return accepted_in(
+        as_model(model).source, file_of(state, "state"), spelled(names), repaired=truth_of(repaired, "repaired")
+    )[1]
 
 
 def reject(model: ModelLike, state: PathLike, *names: str) -> Decision:
@@ -497,7 +505,7 @@ def reject(model: ModelLike, state: PathLike, *names: str) -> Decision:
     FaultbondError
         Where there is nothing to reject, or no such candidate.
     """
-    return rejected_in(as_model(model).source, Path(state), spelled(names))[1]
+    return rejected_in(as_model(model).source, file_of(state, "state"), spelled(names))[1]
 
 
 @contextmanager
@@ -521,9 +529,10 @@ def _refuse_outputs(
 ) -> None:
     """Refuse to write over what is read, as the command line does."""
     read = [(identity(Path(model.file)), "the model")]
-    read += [(identity(Path(item)), "a recording") for item in recordings if isinstance(item, str | os.PathLike)]
+    files = [file_of(item, "recording") for item in recordings if isinstance(item, str | os.PathLike)]
+    read += [(identity(file), "a recording") for file in files]
     written = {"the state": state, "the output": output, "the report": report, "the file of records": json}
-    refuse_outputs(read, [(Path(path), what) for what, path in written.items() if path is not None])
+    refuse_outputs(read, [(file_of(path, what), what) for what, path in written.items() if path is not None])
 
 
 def _wishes(

@@ -189,6 +189,8 @@ def test_the_file_is_that_of_a_kept_run(short: Path, tmp_path: Path, capsys: pyt
     followed = fb.Monitor.restore(kept, MODEL)
     assert followed.detection == result.detection
     assert decision_record(followed.accept())["components"] == ["C"]
+    with pytest.raises(FaultbondError, match=r"^nothing is named"):
+        fb.reject(MODEL, kept)
     decided = fb.accept(MODEL, kept, "C", repaired=True)
     assert (decided.repaired, decided.candidate.components) == (True, ("C",))
     with pytest.raises(FaultbondError, match="no alarm to explain"):

@@ -152,11 +152,44 @@ MISTAKES: dict[str, tuple[Callable[[], object], str]] = {
     "both": (lambda: fb.analyse(MODEL, fewest=True, least_noise=True), "give one of them"),
     "a form": (lambda: fb.code(MODEL, "rust"), "form 'rust': expected python, c or latex"),
     "a time": (lambda: fb.analyse(MODEL, within="3 V"), "within: "),
+    "less than nothing": (lambda: fb.simulate(MODEL, HEALTHY, spread=-1), "spread -1: expected a finite number"),
+    "without a limit": (lambda: fb.simulate(MODEL, HEALTHY, lag=np.inf), "lag inf: expected a finite number"),
     "a part": (lambda: fb.simulate(MODEL, HEALTHY, spread="3 V"), "spread='3 V': expected a percentage"),
-    "a fault": (lambda: fb.simulate(MODEL, HEALTHY, faults="C"), "expected NAME=VALUE@TIME"),
+    "a fault": (lambda: fb.simulate(MODEL, HEALTHY, faults="C=?"), "^fault 'C=\\?': expected NAME=VALUE@TIME"),
     "a folder": (lambda: fb.example("tank").save("nowhere/model.yaml"), "nowhere/model.yaml: it cannot be written"),
+    "text of a model": (lambda: fb.run(MODEL.read_text(), HEALTHY), r"^a text of several lines: .*`Model\(text\)`"),
+    "no output": (lambda: fb.generate(MODEL, None), "output: NoneType, where a path is expected"),  # type: ignore[arg-type]
+    "a dict": (
+        lambda: fb.generate(MODEL, "x.html", web=True, recording={"time": [0]}),  # type: ignore[arg-type]
+        "recording: dict, where a path is expected",
+    ),
     "a parameter": (lambda: fb.trace(MODEL, "K"), "no parameter K; there are R, C"),
 }
+
+
+NUL = "a\0b"
+NO_PATHS: list[Callable[[], object]] = [
+    lambda: fb.run(MODEL, NUL),
+    lambda: fb.run(MODEL, Path(NUL)),
+    lambda: fb.run(MODEL, HEALTHY, report=NUL),
+    lambda: fb.run(MODEL, HEALTHY, state=NUL),
+    lambda: fb.run(MODEL, HEALTHY, json=NUL),
+    lambda: fb.run(NUL, HEALTHY),
+    lambda: fb.load(MODEL).save(NUL),
+    lambda: fb.simulate(MODEL, HEALTHY, output=NUL),
+    lambda: fb.fit(MODEL, NUL),
+    lambda: fb.generate(MODEL, NUL),
+    lambda: fb.accept(MODEL, NUL),
+    lambda: fb.reject(MODEL, NUL, "C"),
+    lambda: fb.Monitor.restore(NUL),
+]
+
+
+@pytest.mark.parametrize("call", NO_PATHS)
+def test_no_path_has_a_nul(call: Callable[[], object]) -> None:
+    """A text that no file can be called by is told as such, whoever takes it."""
+    with pytest.raises(FaultbondError, match=r"no path has the character NUL|not a file name"):
+        call()
 
 
 @pytest.mark.parametrize("kind", MISTAKES)
@@ -218,7 +251,7 @@ def test_what_python_is_given_by_mistake(tmp_path: Path) -> None:
         fb.Model(None)  # type: ignore[arg-type]
     with pytest.raises(FaultbondError, match=r"several lines: .*`Model\(text\)` takes a text"):
         fb.load(MODEL.read_text())
-    with pytest.raises(FaultbondError, match="NoneType: expected the path of a file that `save` wrote"):
+    with pytest.raises(FaultbondError, match="path: NoneType, where a path is expected"):
         fb.Monitor.restore(None)  # type: ignore[arg-type]
     with pytest.raises(FaultbondError, match=r"Simulation: this is no recording. Give its `to_frame\(\)`"):
         fb.run(MODEL, fb.simulate(MODEL, inputs))
