@@ -2,6 +2,8 @@
 
 import os
 from collections.abc import Mapping, Sequence
+from datetime import datetime
+from math import isnan
 from numbers import Integral, Real
 from pathlib import Path
 from typing import TypeAlias
@@ -10,6 +12,8 @@ import numpy as np
 
 from faultbond.errors import FaultbondError
 from faultbond.io.memory_table import MemoryTable, Recording, table_of
+from faultbond.io.times import moment_of
+from faultbond.model.graph import Unit
 from faultbond.model.quantities import duration, quantity, spread
 from faultbond.types import LOWEST_LEVEL, SURE, Method
 
@@ -172,6 +176,22 @@ def begun_at(start: Mapping[str, QuantityLike] | None) -> dict[str, float]:
         name: quantity(value, f"start {name}: ").value if isinstance(value, str) else float(value)
         for name, value in start.items()
     }
+
+
+def moment_at(value: float | str | datetime | None, option: str) -> float | None:
+    """Give a moment of a recording's clock, s; None of none.
+
+    Raises
+    ------
+    FaultbondError
+        Where it is none.
+    """
+    if value is None:
+        return None
+    found = moment_of(value, Unit("s"))
+    if isnan(found):
+        raise FaultbondError(f"{option}={value!r}: expected seconds, or a time such as '2026-11-23T14:00:00', UTC")
+    return found
 
 
 def truth_of(value: bool, option: str) -> bool:

@@ -105,7 +105,11 @@ def run(
 
 
 def check(
-    model: ModelLike, *, data: object | Sequence[object] | None = None, promise: QuantityLike | None = None
+    model: ModelLike,
+    *,
+    data: object | Sequence[object] | None = None,
+    promise: QuantityLike | None = None,
+    settings: bool = False,
 ) -> Told:
     """Show what was understood of a model, or on healthy recordings what it gets wrong there.
 
@@ -114,6 +118,7 @@ def check(
     model : what `load` gives, or the path of a model file
     data : healthy recording, or a list of some
     promise : with `data`: mean time between false alarms that is wanted, such as "30 day"
+    settings : whether the text has the numbers of the method too, which no model states
 
     Raises
     ------
@@ -126,9 +131,9 @@ def check(
     >>> fb.check(fb.example("tank"))["model"]
     'water tank'
     """
-    source = as_model(model).source
+    source, settings = as_model(model).source, truth_of(settings, "settings")
     if data is None:
-        found = understood(source)
+        found = understood(source, settings=settings)
     else:
         found = tried(source, recordings_of(data), promise=None if promise is None else seconds_of(promise, "promise"))
     return Told(record=MappingProxyType(finite(found.record)), text=printed(found.show))

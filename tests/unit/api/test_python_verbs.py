@@ -265,3 +265,9 @@ def test_names_are_offered() -> None:
     """What a notebook completes are the public names."""
     assert {"load", "run", "Monitor"} <= set(dir(fb))
     assert not {"lazily", "interrupt"} & set(dir(fb))
+
+
+def test_check_settings(capsys: pytest.CaptureFixture[str]) -> None:
+    """The text of a check has the numbers of the method where they are asked for."""
+    assert main(["check", str(MODEL), "--settings"]) == 0
+    assert str(fb.check(MODEL, settings=True)).split() == capsys.readouterr().out.split()
