@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from decimal import Decimal
+from html import escape
 from numbers import Real
 from types import MappingProxyType
 
@@ -12,8 +13,8 @@ import numpy as np
 
 from faultbond.api.options import PathLike, file_of, level_of, method_of, names_of, spelled
 from faultbond.api.plant_model import Model, ModelLike, as_model
-from faultbond.api.ranked import RankedCandidate, ranked
-from faultbond.api.result import told_silent, told_verdict
+from faultbond.api.ranked import RankedCandidate, ranked, table_html
+from faultbond.api.result import SHOWN, told_silent, told_verdict
 from faultbond.app.course import Finding
 from faultbond.app.decision import NO_ALARM, chosen_hypothesis
 from faultbond.app.kept_run import read_before
@@ -30,6 +31,7 @@ from faultbond.io.saved import Saved, read_saved, write_saved
 from faultbond.io.times import finite_number, is_not_finite
 from faultbond.model.document import is_circuit
 from faultbond.model.graph import BondGraph
+from faultbond.report.reservations import CONTRADICTED
 from faultbond.types import Method, TimeGrid
 
 NO_VALUE = ("", "-", "na", "n/a", "null", "none", "<na>")  # texts that stand where there is no value
@@ -183,9 +185,13 @@ class Monitor:
         return self._event()
 
     def __repr__(self) -> str:
-        samples = self.counts["samples"]
-        since = f", since {self.detection.time:.9g} s" if self.detection is not None else ""
-        return f"<Monitor of {self.model.name!r}: {self.verdict}, {samples} samples{since}{told_silent(self.silent)}>"
+        return f"<Monitor of {self.model.name!r}: {self._standing}>"
+
+    def _repr_html_(self) -> str:
+        is_contradicted = self.diagnosis is not None and self.diagnosis.unexplained is not None
+        told = f"{self._standing}. {CONTRADICTED}" if is_contradicted else self._standing
+        head = f"<p><b>{escape(self.model.name)}</b>: {escape(told)}</p>"
+        return head + table_html(self.candidates, SHOWN, is_contradicted=is_contradicted)
 
     def accept(self, *names: str) -> Decision:
         """Take a candidate as the new normal; without names the best.
@@ -288,6 +294,12 @@ class Monitor:
         """The numbers of the record `end`, as of now: samples, missing, late, and so on."""
         record = self._course.end
         return MappingProxyType({key: value for key, value in record.items() if isinstance(value, int | float | None)})
+
+    @property
+    def _standing(self) -> str:
+        """What it says as of now, in a few words."""
+        since = f", since {self.detection.time:.9g} s" if self.detection is not None else ""
+        return f"{self.verdict}, {self.counts['samples']} samples{since}{told_silent(self.silent)}"
 
     def _row(self, time: RowTime | None, values: Mapping[str, object]) -> Row:
         """Give a row as a recording would have it."""

@@ -22,7 +22,7 @@ from faultbond.errors import FaultbondError
 from faultbond.model.document import is_circuit
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.reservations import CONTRADICTED
-from faultbond.report.verdict import detection_sentence
+from faultbond.report.verdict import contradiction_sentence, detection_sentence
 from faultbond.types import Verdict
 
 if TYPE_CHECKING:
@@ -211,6 +211,8 @@ class Result:
             notes = [self.no_verdict, *(item.sentence(seconds) for item in self.silent)]
             first = "No fault detected." if self._says else "No verdict."
             told = " ".join([first, *(f"{note[0].upper()}{note[1:]}." for note in notes if note)])
+        elif not isinstance(self.of_run, PlantRun):
+            told = contradiction_sentence(self.detection)
         else:
             knows = self._graph is not None and self._graph.false_alarms > 0
             told = detection_sentence(self.detection, is_known_to_alarm=knows)
