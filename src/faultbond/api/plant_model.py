@@ -16,6 +16,7 @@ from faultbond.model.document import ModelDocument, ModelFile, is_circuit, read_
 from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
 from faultbond.model.structure import Structure
 from faultbond.model.text import parse_any, parse_model
+from faultbond.model.words import text_of_words
 
 
 class Model:
@@ -26,6 +27,8 @@ class Model:
     text : of the model file, YAML
     file : how messages call it
     recordings : that come with it, by name
+    words : in place of a text the words of the file, such as `name`, `inputs` and `components`, as dicts, lists, texts
+        and numbers
 
     Raises
     ------
@@ -39,7 +42,17 @@ class Model:
     ['flow', 'pressure']
     """
 
-    def __init__(self, text: str, file: str = "model.yaml", recordings: Mapping[str, Path] | None = None) -> None:
+    def __init__(
+        self,
+        text: str | None = None,
+        file: str = "model.yaml",
+        recordings: Mapping[str, Path] | None = None,
+        **words: object,
+    ) -> None:
+        if words:
+            if text is not None:
+                raise ModelError(f"{', '.join(words)}: give the text of a model file, or its words, not both.")
+            text = text_of_words(words)
         if not isinstance(text, str):
             raise ModelError(f"{type(text).__name__}: expected the text of a model file; `load` reads one.")
         self._source: ModelFile = ModelDocument(label=file, data=text.encode())

@@ -119,6 +119,43 @@ def test_models_built_in_python(short: Path) -> None:
     assert (again.inputs[0].column, again.sensors[0].unit.text) == ("V", "V")
 
 
+WORDS: dict[str, object] = {
+    "name": "RC circuit",
+    "sample_time": "0.02 s",
+    "max_faults": 1,
+    "accuracy": "3 %",
+    "inputs": {"V": {"unit": "V", "noise": "0.1 V"}},
+    "components": {
+        "source": {"type": "Se", "law": "e = V"},
+        "R": {"type": "R", "parameters": {"R": {"nominal": "10 kohm", "suspect": True}}},
+        "C": {"type": "C", "law": None, "parameters": {"C": "100 uF"}},
+    },
+    "junctions": {"loop": 1},
+    "bonds": ["source -> loop -> R", "loop -> C"],
+    "sensors": {"V_C": {"reads": "C.e", "unit": "V", "noise": "0.1 V"}},
+}
+
+
+def test_a_model_of_words(tmp_path: Path, short: Path) -> None:
+    """A model is stated in Python by the words of its file, and goes into a file and back."""
+    model = fb.Model(**WORDS)  # type: ignore[arg-type]
+    assert fb.run(model, short).verdict == "healthy"
+    assert "  R: {type: R, parameters: {R: {nominal: 10 kohm, suspect: yes}}}\n" in model.text
+    model.save(tmp_path / "rc.yaml")
+    again = fb.load(tmp_path / "rc.yaml")
+    assert (again.text, again.graph.sha256) == (model.text, model.graph.sha256)
+    assert fb.Model(fb.dump_model(model.graph)).graph.sha256 == fb.load(MODEL).graph.sha256
+    for wrong, message in (
+        ({"inputs": {"V": {"units": "V"}}}, "model RC circuit: .*`units`"),
+        ({"inputs": {"V": {"noise": {3}}}}, "model RC circuit: inputs: a set cannot stand here"),
+        ({"input": {}}, "model RC circuit: .*`input`.*`inputs`"),
+    ):
+        with pytest.raises(FaultbondError, match=message):
+            fb.Model(**(WORDS | wrong))  # type: ignore[arg-type]
+    with pytest.raises(FaultbondError, match="name: give the text of a model file, or its words, not both"):
+        fb.Model(MODEL.read_text(), name="twice")
+
+
 def test_a_model_is_saved(tmp_path: Path) -> None:
     """A model writes its file."""
     model = fb.example("tank")
@@ -248,7 +285,7 @@ def test_what_python_is_given_by_mistake(tmp_path: Path) -> None:
     with pytest.raises(FaultbondError, match="NoneType: expected the path"):
         fb.load(None)  # type: ignore[arg-type]
     with pytest.raises(FaultbondError, match="NoneType: expected the text of a model file"):
-        fb.Model(None)  # type: ignore[arg-type]
+        fb.Model()
     with pytest.raises(FaultbondError, match=r"several lines: .*`Model\(text\)` takes a text"):
         fb.load(MODEL.read_text())
     with pytest.raises(FaultbondError, match="path: NoneType, where a path is expected"):
