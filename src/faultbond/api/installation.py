@@ -1,8 +1,10 @@
 """What this installation has, and what it does at first."""
 
-from faultbond.api.options import PathLike, file_of
+from faultbond.api.options import PathLike, file_of, refuse_overwriting
 from faultbond.api.told import Records, Told, heard
 from faultbond.app import demonstration, installation
+from faultbond.app.wishes import DEMO
+from faultbond.io.examples import example
 
 
 def doctor() -> Told:
@@ -31,4 +33,5 @@ def demo(*, report: PathLike = "report.html") -> Records:
         Where there is no C compiler, or the report cannot be written.
     """
     page = file_of(report, "report")
+    refuse_overwriting([(item, "a file of the example") for item in example(DEMO).iterdir()], {"the report": page})
     return heard(lambda out: demonstration.demo(report=page, out=out))

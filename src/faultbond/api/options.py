@@ -1,7 +1,7 @@
 """Options of the verbs, as they are given from Python: checked, and as the command line knows them."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from math import isnan
 from numbers import Integral, Real
@@ -10,7 +10,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from faultbond.app.outputs import refuse_outputs
 from faultbond.errors import FaultbondError
+from faultbond.io.files import identity
 from faultbond.io.memory_table import MemoryTable, Recording, table_of
 from faultbond.io.times import moment_of
 from faultbond.model.graph import Unit
@@ -220,6 +222,23 @@ def file_of(path: PathLike, option: str) -> Path:
     if "\0" in (text := os.fsdecode(path)):
         raise FaultbondError(f"{option}={text!r}: no path has the character NUL")
     return Path(text)
+
+
+def refuse_overwriting(read: Iterable[tuple[PathLike, str]], written: Mapping[str, PathLike | None]) -> None:
+    """Refuse to write over what is read, or where nothing can be written, as the command line does.
+
+    Parameters
+    ----------
+    read : paths, and what each is
+    written : what is to be written, such as `the report`, and where; None: it is not
+
+    Raises
+    ------
+    FaultbondError
+        Where an output is also an input or another output, or cannot be written.
+    """
+    known = [(identity(file_of(path, what)), what) for path, what in read]
+    refuse_outputs(known, [(file_of(path, what), what) for what, path in written.items() if path is not None])
 
 
 def path_of(path: PathLike | None, option: str) -> Path | None:

@@ -6,7 +6,16 @@ import threading
 from contextlib import closing
 from datetime import datetime
 
-from faultbond.api.options import PathLike, file_of, level_of, moment_at, path_of, truth_of, whole_of
+from faultbond.api.options import (
+    PathLike,
+    file_of,
+    level_of,
+    moment_at,
+    path_of,
+    refuse_overwriting,
+    truth_of,
+    whole_of,
+)
 from faultbond.api.told import Records, Told, heard
 from faultbond.errors import FaultbondError, Mistakes
 from faultbond.io.out import open_out
@@ -52,6 +61,8 @@ def serve(
     forms = [item.value for item in LogForm]
     if log is not None and log not in forms:
         raise FaultbondError(f"log={log!r}: expected {', '.join(forms)}")
+    read = [*((item, "a model") for item in models), *([(site, "the site file")] if site is not None else [])]
+    refuse_overwriting(read, {"the store": _file_in(store), "the file of records": json})
     mistakes = Mistakes()
     watched = chosen_site(
         [file_of(item, "model") for item in models],
@@ -94,9 +105,15 @@ def history(
         Where the store cannot be read, or has no such asset or period.
     """
     wanted = Excerpt(asset=asset, begin=moment_at(begin, "begin"), end=moment_at(end, "end"))
-    address = store if isinstance(store, str) and "://" in store else file_of(store, "store")
-    with closing(open_store(address, writes=False)) as kept:
+    file = _file_in(store)
+    refuse_overwriting([] if file is None else [(file, "the store")], {"the output": output})
+    with closing(open_store(store if isinstance(store, str) else file_of(store, "store"), writes=False)) as kept:
         return heard(lambda out: tell_history(kept, wanted, output=path_of(output, "output"), out=out))
+
+
+def _file_in(store: PathLike | None) -> PathLike | None:
+    """Give the file of a store; None of one in a server, and of none."""
+    return None if isinstance(store, str) and "://" in store else store
 
 
 def _refuse_company() -> None:

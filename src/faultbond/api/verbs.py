@@ -4,7 +4,6 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -21,6 +20,7 @@ from faultbond.api.options import (
     path_of,
     recording_of,
     recordings_of,
+    refuse_overwriting,
     seconds_of,
     spelled,
     truth_of,
@@ -37,14 +37,12 @@ from faultbond.app.fmu import generated_fmu
 from faultbond.app.generation import generated
 from faultbond.app.identification import identified, tried
 from faultbond.app.model_check import understood
-from faultbond.app.outputs import refuse_outputs
 from faultbond.app.section import Show
 from faultbond.app.simulation import Simulated, simulated
 from faultbond.app.wishes import FitWishes, Imperfections, Wanted, Wishes
 from faultbond.contract.findings import Decision
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
-from faultbond.io.files import identity
 from faultbond.io.memory_table import Recording
 from faultbond.io.out import Out, finite, open_out
 from faultbond.io.recording import write_recording
@@ -533,11 +531,9 @@ def _refuse_outputs(
     json: PathLike | None = None,
 ) -> None:
     """Refuse to write over what is read, as the command line does."""
-    read = [(identity(Path(model.file)), "the model")]
-    files = [file_of(item, "recording") for item in recordings if isinstance(item, str | os.PathLike)]
-    read += [(identity(file), "a recording") for file in files]
+    files = [(item, "a recording") for item in recordings if isinstance(item, str | os.PathLike)]
     written = {"the state": state, "the output": output, "the report": report, "the file of records": json}
-    refuse_outputs(read, [(file_of(path, what), what) for what, path in written.items() if path is not None])
+    refuse_overwriting([(model.file, "the model"), *files], written)
 
 
 def _wishes(

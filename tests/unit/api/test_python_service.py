@@ -86,15 +86,26 @@ def test_what_is_not_served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         fb.serve(MODEL, site="site.yaml")
     with pytest.raises(FaultbondError, match="begin='noon': expected seconds"):
         fb.history("kept.sqlite", begin="noon")
+    for call in (
+        lambda: fb.serve(MODEL, json="nowhere/records.jsonl"),
+        lambda: fb.serve(MODEL, store="nowhere/kept.sqlite"),
+        lambda: fb.demo(report="nowhere/report.html"),
+    ):
+        with pytest.raises(FaultbondError, match="there is no folder nowhere"):
+            call()
+    with pytest.raises(FaultbondError, match="this is a model and would be the store too"):
+        fb.serve(MODEL, store=MODEL)
+    with pytest.raises(FaultbondError, match=r"store='a.*': no path has the character NUL"):
+        fb.history("a\0b")
     told = list[FaultbondError]()
 
-    def call() -> None:
+    def begin() -> None:
         try:
             fb.serve(MODEL, port=0)
         except FaultbondError as error:
             told.append(error)
 
-    beside = threading.Thread(target=call)
+    beside = threading.Thread(target=begin)
     beside.start()
     beside.join()
     assert ["it needs the main thread" in str(error) for error in told] == [True]
