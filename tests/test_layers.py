@@ -266,6 +266,9 @@ FACES = {  # name -> folders, one module of each
     "fit": {"app", "api"},
     "run": {"app", "api"},
     "trace": {"app", "api"},
+    "demo": {"app", "api"},
+    "doctor": {"app", "api"},
+    "serve": {"service", "api"},
     "code": {"report", "api"},
     "example": {"io", "api"},  # the folder, and the model in it
     "Monitor": {"runtime", "api"},  # that of Python knows columns and units, that below it numbers

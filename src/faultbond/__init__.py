@@ -15,11 +15,13 @@ from faultbond.lazy import lazily
 
 if TYPE_CHECKING:
     from faultbond.api.frame import Frame
+    from faultbond.api.installation import demo, doctor
     from faultbond.api.live import Event, Monitor
     from faultbond.api.plant_model import Model, example, load
     from faultbond.api.ranked import RankedCandidate, SuspectValue
     from faultbond.api.result import Result
-    from faultbond.api.told import Analysis, FittedModel, Told
+    from faultbond.api.service import history, serve
+    from faultbond.api.told import Analysis, FittedModel, Records, Told
     from faultbond.api.verbs import (
         Simulation,
         accept,
@@ -77,6 +79,7 @@ __all__ = [
     "Monitor",
     "RankedCandidate",
     "RecordingError",
+    "Records",
     "Report",
     "Reports",
     "Result",
@@ -92,17 +95,21 @@ __all__ = [
     "analyse",
     "check",
     "code",
+    "demo",
+    "doctor",
     "dump_model",
     "example",
     "find_hypothesis",
     "fit",
     "generate",
+    "history",
     "is_sure",
     "load",
     "load_model",
     "parse_model",
     "reject",
     "run",
+    "serve",
     "simulate",
     "trace",
 ]
@@ -111,11 +118,13 @@ __getattr__ = lazily(
     "faultbond",
     {
         "api.frame": "Frame",
+        "api.installation": "demo doctor",
         "api.live": "Event Monitor",
         "api.plant_model": "Model example load",
         "api.ranked": "RankedCandidate SuspectValue",
         "api.result": "Result",
-        "api.told": "Analysis FittedModel Told",
+        "api.service": "history serve",
+        "api.told": "Analysis FittedModel Records Told",
         "api.verbs": "Simulation accept analyse check code fit generate reject run simulate trace",
         "contract.findings": "Advice Candidate Decision Detection Diagnosis Suspect",
         "contract.samples": "Report Reports Sample Samples Status",

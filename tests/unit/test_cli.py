@@ -307,7 +307,7 @@ def test_records_go_to_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         (["check", "--data", "r", "m"], "required: MODEL; it stands before --data, which takes all names behind it"),
         (["check", "m", "--jso", "x"], "unrecognized arguments: --jso x"),
         (["simulate", "m", "--inputs", "i", "-o", "o", "--seed", "x"], "--seed x: expected a whole number"),
-        (["simulate", "m", "--inputs", "i", "-o", "o", "--fault", "K1"], "--fault 'K1': expected NAME=VALUE@TIME"),
+        (["simulate", "m", "--inputs", "i", "-o", "o", "--fault", "K1"], "fault 'K1': expected NAME=VALUE@TIME"),
         (["simulate", "m", "--inputs", "i", "-o", "o", "--spread", "3"], "'3' is no percentage"),
         (["simulate", "m", "--inputs", "i", "-o", "o", "--lag", "3"], "`3` needs a time unit"),
         (["simulate", "m", "--inputs", "i", "-o", "o", "--start", "x"], "--start 'x': expected STATE=VALUE"),

@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import subprocess
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -324,6 +325,34 @@ target_link_libraries(mine PRIVATE faultbond::faultbond)
     done = subprocess.run([build / "mine"], input=rows, capture_output=True, text=True, check=True)
     assert "s: a fault" in done.stdout
     assert (build / "plant" / "watch").exists()
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="there is no cmake")
+def test_the_package_of_cmake(project: Path, tmp_path: Path) -> None:
+    """Installed, the folder is found by its version, and not by that of another time."""
+    build, place = tmp_path / "build", tmp_path / "place"
+    for command in (
+        ["cmake", "-S", str(project), "-B", str(build), "-DCMAKE_BUILD_TYPE=Debug", "-DFAULTBOND_PROGRAM=OFF"],
+        ["cmake", "--build", str(build)],
+        ["cmake", "--install", str(build), "--prefix", str(place)],
+    ):
+        subprocess.run(command, capture_output=True, check=True)
+    said = {}
+    for wanted in (version("faultbond"), "99.0"):
+        mine = tmp_path / wanted
+        mine.mkdir()
+        (mine / "CMakeLists.txt").write_text(
+            f"""\
+cmake_minimum_required(VERSION 3.15)
+project(mine C)
+find_package(faultbond {wanted})
+message(STATUS "found ${{faultbond_FOUND}} ${{faultbond_VERSION}}")
+"""
+        )
+        command = ["cmake", "-S", str(mine), "-B", str(mine / "build"), f"-DCMAKE_PREFIX_PATH={place}"]
+        said[wanted] = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert f"found 1 {version('faultbond')}" in said[version("faultbond")]
+    assert "found 0" in said["99.0"]
 
 
 def test_fewer_lanes() -> None:

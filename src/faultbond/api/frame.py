@@ -15,7 +15,8 @@ SHOWN = 5  # rows at each end
 class Frame(dict[str, FloatArray]):
     """Columns of equal length by header, each (n_rows,), not to be written to.
 
-    `pandas.DataFrame(frame)`, `polars.DataFrame(frame)` and `pyarrow.table(frame)` take it as it is.
+    `pandas.DataFrame(frame)`, `polars.DataFrame(frame)` and `pyarrow.table(frame)` take it as it is; where pyarrow is
+    installed, so does whatever speaks the Arrow PyCapsule protocol.
 
     Parameters
     ----------
@@ -79,6 +80,9 @@ class Frame(dict[str, FloatArray]):
         except ImportError as error:
             raise _absent("pyarrow") from error
         return pyarrow.table(dict(self))
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        return self.to_arrow().__arrow_c_stream__(requested_schema)
 
     def __repr__(self) -> str:
         named = ", ".join(f"{name} ({self.units.get(name, '')})" for name in self)

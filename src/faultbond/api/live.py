@@ -5,16 +5,16 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from decimal import Decimal
+from html import escape
 from numbers import Real
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
-from faultbond.api.options import PathLike, level_of, method_of, names_of, spelled
+from faultbond.api.options import PathLike, file_of, level_of, method_of, names_of, spelled
 from faultbond.api.plant_model import Model, ModelLike, as_model
-from faultbond.api.ranked import RankedCandidate, ranked
-from faultbond.api.result import told_silent, told_verdict
+from faultbond.api.ranked import RankedCandidate, ranked, table_html
+from faultbond.api.result import SHOWN, told_silent, told_verdict
 from faultbond.app.course import Finding
 from faultbond.app.decision import NO_ALARM, chosen_hypothesis
 from faultbond.app.kept_run import read_before
@@ -31,6 +31,7 @@ from faultbond.io.saved import Saved, read_saved, write_saved
 from faultbond.io.times import finite_number, is_not_finite
 from faultbond.model.document import is_circuit
 from faultbond.model.graph import BondGraph
+from faultbond.report.reservations import CONTRADICTED
 from faultbond.types import Method, TimeGrid
 
 NO_VALUE = ("", "-", "na", "n/a", "null", "none", "<na>")  # texts that stand where there is no value
@@ -136,17 +137,16 @@ class Monitor:
         RecordingError
             Where the file cannot be read, is damaged, or is of another model.
         """
-        if not isinstance(path, str | os.PathLike):
-            raise RecordingError(f"{type(path).__name__}: expected the path of a file that `save` wrote.")
+        file = file_of(path, "path")
         if model is None:
-            document = read_saved(Path(path)).document
+            document = read_saved(file).document
             if document is None:
                 raise RecordingError(f"{path}: the model is not in it. Give it, too: Monitor.restore(path, model).")
             label, text = document
             restored = Model(text, file=label)
         else:
             restored = as_model(model)
-        before = read_before(Path(path), restored.graph)
+        before = read_before(file, restored.graph)
         if before is None:
             raise RecordingError(f"{path}: there is no such file.")
         monitor = cls.__new__(cls)
@@ -185,9 +185,13 @@ class Monitor:
         return self._event()
 
     def __repr__(self) -> str:
-        samples = self.counts["samples"]
-        since = f", since {self.detection.time:.9g} s" if self.detection is not None else ""
-        return f"<Monitor of {self.model.name!r}: {self.verdict}, {samples} samples{since}{told_silent(self.silent)}>"
+        return f"<Monitor of {self.model.name!r}: {self._standing}>"
+
+    def _repr_html_(self) -> str:
+        is_contradicted = self.diagnosis is not None and self.diagnosis.unexplained is not None
+        told = f"{self._standing}. {CONTRADICTED}" if is_contradicted else self._standing
+        head = f"<p><b>{escape(self.model.name)}</b>: {escape(told)}</p>"
+        return head + table_html(self.candidates, SHOWN, is_contradicted=is_contradicted)
 
     def accept(self, *names: str) -> Decision:
         """Take a candidate as the new normal; without names the best.
@@ -235,7 +239,7 @@ class Monitor:
         if saved is None:
             raise FaultbondError(f"{path}: there is nothing to save before the first row.")
         try:
-            write_saved(Path(path), saved)
+            write_saved(file_of(path, "path"), saved)
         except OSError as error:
             raise FaultbondError(f"{os.fspath(path)}: it cannot be written: {error.strerror or error}.") from error
 
@@ -290,6 +294,12 @@ class Monitor:
         """The numbers of the record `end`, as of now: samples, missing, late, and so on."""
         record = self._course.end
         return MappingProxyType({key: value for key, value in record.items() if isinstance(value, int | float | None)})
+
+    @property
+    def _standing(self) -> str:
+        """What it says as of now, in a few words."""
+        since = f", since {self.detection.time:.9g} s" if self.detection is not None else ""
+        return f"{self.verdict}, {self.counts['samples']} samples{since}{told_silent(self.silent)}"
 
     def _row(self, time: RowTime | None, values: Mapping[str, object]) -> Row:
         """Give a row as a recording would have it."""

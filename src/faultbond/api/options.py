@@ -1,15 +1,21 @@
 """Options of the verbs, as they are given from Python: checked, and as the command line knows them."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
+from math import isnan
 from numbers import Integral, Real
 from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 
+from faultbond.app.outputs import refuse_outputs
 from faultbond.errors import FaultbondError
+from faultbond.io.files import identity
 from faultbond.io.memory_table import MemoryTable, Recording, table_of
+from faultbond.io.times import moment_of
+from faultbond.model.graph import Unit
 from faultbond.model.quantities import duration, quantity, spread
 from faultbond.types import LOWEST_LEVEL, SURE, Method
 
@@ -20,7 +26,8 @@ QuantityLike: TypeAlias = str | float  # "60 s", or SI
 def recording_of(recording: object) -> Recording:
     """Give a recording as the verbs take it: a path as text, all else as a table."""
     if isinstance(recording, str | os.PathLike):
-        return os.fspath(recording)
+        file_of(recording, "recording")
+        return os.fspath(recording)  # as it was written
     return recording if isinstance(recording, MemoryTable) else table_of(recording)
 
 
@@ -173,6 +180,22 @@ def begun_at(start: Mapping[str, QuantityLike] | None) -> dict[str, float]:
     }
 
 
+def moment_at(value: float | str | datetime | None, option: str) -> float | None:
+    """Give a moment of a recording's clock, s; None of none.
+
+    Raises
+    ------
+    FaultbondError
+        Where it is none.
+    """
+    if value is None:
+        return None
+    found = moment_of(value, Unit("s"))
+    if isnan(found):
+        raise FaultbondError(f"{option}={value!r}: expected seconds, or a time such as '2026-11-23T14:00:00', UTC")
+    return found
+
+
 def truth_of(value: bool, option: str) -> bool:
     """Give a truth value; a text such as "no", which Python takes for true, is none.
 
@@ -186,6 +209,38 @@ def truth_of(value: bool, option: str) -> bool:
     return bool(value)
 
 
-def path_of(path: PathLike | None) -> Path | None:
+def file_of(path: PathLike, option: str) -> Path:
+    """Give a path.
+
+    Raises
+    ------
+    FaultbondError
+        Where it is no path, or has a character that no path has.
+    """
+    if not isinstance(path, str | os.PathLike):
+        raise FaultbondError(f"{option}: {type(path).__name__}, where a path is expected")
+    if "\0" in (text := os.fsdecode(path)):
+        raise FaultbondError(f"{option}={text!r}: no path has the character NUL")
+    return Path(text)
+
+
+def refuse_overwriting(read: Iterable[tuple[PathLike, str]], written: Mapping[str, PathLike | None]) -> None:
+    """Refuse to write over what is read, or where nothing can be written, as the command line does.
+
+    Parameters
+    ----------
+    read : paths, and what each is
+    written : what is to be written, such as `the report`, and where; None: it is not
+
+    Raises
+    ------
+    FaultbondError
+        Where an output is also an input or another output, or cannot be written.
+    """
+    known = [(identity(file_of(path, what)), what) for path, what in read]
+    refuse_outputs(known, [(file_of(path, what), what) for what, path in written.items() if path is not None])
+
+
+def path_of(path: PathLike | None, option: str) -> Path | None:
     """Give a path, None of none."""
-    return None if path is None else Path(path)
+    return None if path is None else file_of(path, option)

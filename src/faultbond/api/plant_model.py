@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import TypeAlias
 
+from faultbond.api.options import PathLike, file_of
 from faultbond.errors import FaultbondError, ModelError
 from faultbond.io.examples import example as example_folder
 from faultbond.io.files import replaced_text
@@ -15,6 +16,7 @@ from faultbond.model.document import ModelDocument, ModelFile, is_circuit, read_
 from faultbond.model.graph import BondGraph, Input, Parameter, Sensor
 from faultbond.model.structure import Structure
 from faultbond.model.text import parse_any, parse_model
+from faultbond.model.words import text_of_words
 
 
 class Model:
@@ -25,6 +27,8 @@ class Model:
     text : of the model file, YAML
     file : how messages call it
     recordings : that come with it, by name
+    words : in place of a text the words of the file, such as `name`, `inputs` and `components`, as dicts, lists, texts
+        and numbers
 
     Raises
     ------
@@ -38,7 +42,17 @@ class Model:
     ['flow', 'pressure']
     """
 
-    def __init__(self, text: str, file: str = "model.yaml", recordings: Mapping[str, Path] | None = None) -> None:
+    def __init__(
+        self,
+        text: str | None = None,
+        file: str = "model.yaml",
+        recordings: Mapping[str, Path] | None = None,
+        **words: object,
+    ) -> None:
+        if words:
+            if text is not None:
+                raise ModelError(f"{', '.join(words)}: give the text of a model file, or its words, not both.")
+            text = text_of_words(words)
         if not isinstance(text, str):
             raise ModelError(f"{type(text).__name__}: expected the text of a model file; `load` reads one.")
         self._source: ModelFile = ModelDocument(label=file, data=text.encode())
@@ -47,7 +61,15 @@ class Model:
 
     @classmethod
     def of_source(cls, source: ModelFile, recordings: Mapping[str, Path] | None = None) -> "Model":
-        """Give the model of a file; it is read as a model when something of it is asked for."""
+        """Give the model of a file; it is read as a model when something of it is asked for.
+
+        Raises
+        ------
+        ModelError
+            Where it cannot be read, or is the text of a model, not the path of its file.
+        """
+        if isinstance(source, str) and "\n" in source:
+            raise ModelError("a text of several lines: expected the path of a model file; `Model(text)` takes a text.")
         model = cls.__new__(cls)
         model._source = source if is_circuit(source) else read_document(source)
         model.recordings = dict(recordings or {})
@@ -114,7 +136,7 @@ class Model:
         FaultbondError
             Where it cannot be written.
         """
-        written(Path(path), self.text)
+        written(path, self.text)
 
     def __repr__(self) -> str:
         return f"<Model {self.name!r} of {self.file}>"
@@ -152,8 +174,6 @@ def load(path: str | os.PathLike[str]) -> Model:
     """
     if not isinstance(path, str | os.PathLike):
         raise ModelError(f"{type(path).__name__}: expected the path of a model file.")
-    if isinstance(path, str) and "\n" in path:
-        raise ModelError("a text of several lines: expected the path of a model file; `Model(text)` takes a text.")
     model = Model.of_source(path)
     if not is_circuit(model.source):
         model.stated  # noqa: B018 - a mistake in it is told now
@@ -198,16 +218,16 @@ def as_model(model: ModelLike) -> Model:
     raise ModelError(f"{type(model).__name__}: this is no model. Give what `load` gives, or the path of a model file.")
 
 
-def written(path: Path, text: str) -> None:
+def written(path: PathLike, text: str) -> None:
     """Write a text file, which is replaced as a whole.
 
     Raises
     ------
     FaultbondError
-        Where it cannot be written.
+        Where it cannot be written, or is no path.
     """
     try:
-        with replaced_text(path) as stream:
+        with replaced_text(file_of(path, "path")) as stream:
             stream.write(text)
     except OSError as error:
         raise FaultbondError(f"{path}: it cannot be written: {error.strerror or error}. Name another file.") from error

@@ -56,6 +56,9 @@ class RankedCandidate:
     def __str__(self) -> str:
         return f"{self.words}, {probability_text(self.probability)} %"
 
+    def _repr_html_(self) -> str:
+        return table_html([self], 1, is_contradicted=False)
+
     @property
     def words(self) -> str:
         """What is suspected, and its values."""

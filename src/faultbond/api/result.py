@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from io import StringIO
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -23,7 +22,7 @@ from faultbond.errors import FaultbondError
 from faultbond.model.document import is_circuit
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.report.reservations import CONTRADICTED
-from faultbond.report.verdict import detection_sentence
+from faultbond.report.verdict import contradiction_sentence, detection_sentence
 from faultbond.types import Verdict
 
 if TYPE_CHECKING:
@@ -190,7 +189,7 @@ class Result:
         """
         if not isinstance(self.of_run, PlantRun):
             raise FaultbondError(f"{self.model.file}: a network without time has no curves to draw.")
-        written(Path(path), self.of_run.page())
+        written(path, self.of_run.page())
 
     @property
     def _graph(self) -> BondGraph | None:
@@ -212,6 +211,8 @@ class Result:
             notes = [self.no_verdict, *(item.sentence(seconds) for item in self.silent)]
             first = "No fault detected." if self._says else "No verdict."
             told = " ".join([first, *(f"{note[0].upper()}{note[1:]}." for note in notes if note)])
+        elif not isinstance(self.of_run, PlantRun):
+            told = contradiction_sentence(self.detection)
         else:
             knows = self._graph is not None and self._graph.false_alarms > 0
             told = detection_sentence(self.detection, is_known_to_alarm=knows)

@@ -5,12 +5,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from io import StringIO
-from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from faultbond.api.plant_model import Model, written
 from faultbond.app.identification import Identified
+from faultbond.io.out import Out, finite
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -33,7 +33,8 @@ class Told:
         return self.text
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} of {self.record.get('model')!r}: {', '.join(self.record)}>"
+        of = self.record.get("model", self.record.get("record"))
+        return f"<{type(self).__name__} of {of!r}: {', '.join(self.record)}>"
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(self.text)}</pre>"
@@ -108,7 +109,41 @@ class FittedModel(Told):
         FaultbondError
             Where it cannot be written.
         """
-        written(Path(path), self.found.page())
+        written(path, self.found.page())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Records(Sequence[Mapping[str, Any]]):
+    """What a verb told in several records, as the command line writes them with `--json`. text: as it prints them."""
+
+    records: tuple[Mapping[str, Any], ...]
+    text: str
+
+    @overload
+    def __getitem__(self, place: int) -> Mapping[str, Any]: ...
+    @overload
+    def __getitem__(self, place: slice) -> tuple[Mapping[str, Any], ...]: ...
+    def __getitem__(self, place: int | slice) -> Mapping[str, Any] | tuple[Mapping[str, Any], ...]:
+        return self.records[place]
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    def __str__(self) -> str:
+        return self.text
+
+    def __repr__(self) -> str:
+        return f"<Records: {len(self)}>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.text)}</pre>"
+
+
+def heard(act: Callable[[Out], object]) -> Records:
+    """Give what a verb of the command line writes, once it is done."""
+    text, records = StringIO(), list[Mapping[str, Any]]()
+    act(Out(text=text, json=None, hear=lambda record: records.append(MappingProxyType(finite(record)))))
+    return Records(records=tuple(records), text=text.getvalue())
 
 
 def printed(show: "Callable[[Console], None]") -> str:

@@ -4,7 +4,6 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -13,6 +12,7 @@ from faultbond.api.options import (
     PathLike,
     QuantityLike,
     begun_at,
+    file_of,
     level_of,
     method_of,
     names_of,
@@ -20,6 +20,7 @@ from faultbond.api.options import (
     path_of,
     recording_of,
     recordings_of,
+    refuse_overwriting,
     seconds_of,
     spelled,
     truth_of,
@@ -36,14 +37,12 @@ from faultbond.app.fmu import generated_fmu
 from faultbond.app.generation import generated
 from faultbond.app.identification import identified, tried
 from faultbond.app.model_check import understood
-from faultbond.app.outputs import refuse_outputs
 from faultbond.app.section import Show
 from faultbond.app.simulation import Simulated, simulated
 from faultbond.app.wishes import FitWishes, Imperfections, Wanted, Wishes
 from faultbond.contract.findings import Decision
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
-from faultbond.io.files import identity
 from faultbond.io.memory_table import Recording
 from faultbond.io.out import Out, finite, open_out
 from faultbond.io.recording import write_recording
@@ -88,7 +87,12 @@ def run(
     'healthy'
     """
     plant = as_model(model)
-    wanted = Wanted(method=method_of(method), report=path_of(report), accept=level_of(accept), state=path_of(state))
+    wanted = Wanted(
+        method=method_of(method),
+        report=path_of(report, "report"),
+        accept=level_of(accept),
+        state=path_of(state, "state"),
+    )
     _refuse_outputs(plant, [recording], state=state, report=report, json=json)
     with _records(json) as out:
         found = watch_any(plant.source, recording_of(recording), wanted=wanted, out=out, curves=True)
@@ -99,7 +103,11 @@ def run(
 
 
 def check(
-    model: ModelLike, *, data: object | Sequence[object] | None = None, promise: QuantityLike | None = None
+    model: ModelLike,
+    *,
+    data: object | Sequence[object] | None = None,
+    promise: QuantityLike | None = None,
+    settings: bool = False,
 ) -> Told:
     """Show what was understood of a model, or on healthy recordings what it gets wrong there.
 
@@ -108,6 +116,7 @@ def check(
     model : what `load` gives, or the path of a model file
     data : healthy recording, or a list of some
     promise : with `data`: mean time between false alarms that is wanted, such as "30 day"
+    settings : whether the text has the numbers of the method too, which no model states
 
     Raises
     ------
@@ -120,9 +129,9 @@ def check(
     >>> fb.check(fb.example("tank"))["model"]
     'water tank'
     """
-    source = as_model(model).source
+    source, settings = as_model(model).source, truth_of(settings, "settings")
     if data is None:
-        found = understood(source)
+        found = understood(source, settings=settings)
     else:
         found = tried(source, recordings_of(data), promise=None if promise is None else seconds_of(promise, "promise"))
     return Told(record=MappingProxyType(finite(found.record)), text=printed(found.show))
@@ -281,16 +290,16 @@ def fit(
     found = identified(source.source, recordings_of(recordings), wishes=wishes)
     if found.failed is not None:
         raise found.failed
-    records = found.records(path_of(output))
+    records = found.records(path_of(output, "output"))
     fitted = FittedModel(
         record=MappingProxyType(finite(records[0])),
-        text=printed(lambda console: found.show(console, path_of(output))),
+        text=printed(lambda console: found.show(console, path_of(output, "output"))),
         model=Model(found.text, file=str(output or source.file)),
         found=found,
         quieted=MappingProxyType(finite(records[1])) if len(records) > 1 else None,
     )
     if output is not None:
-        written(Path(output), found.text)
+        written(output, found.text)
     if report is not None:
         fitted.report(report)
     return fitted
@@ -340,7 +349,7 @@ class Simulation:
             Where it cannot be written.
         """
         try:
-            write_recording(Path(path), self.found.columns())
+            write_recording(file_of(path, "path"), self.found.columns())
         except OSError as error:
             raise FaultbondError(f"{path}: it cannot be written: {error.strerror or error}.") from error
 
@@ -442,7 +451,7 @@ def generate(
     FaultbondError
         Where something is wrong with the model or an option, or the folder holds something else.
     """
-    source, folder = as_model(model).source, Path(output)
+    source, folder = as_model(model).source, file_of(output, "output")
     most = None if lanes_at_most is None else whole_of(lanes_at_most, "lanes_at_most", 1, None)
     watch_only = truth_of(watch_only, "watch_only")
     if fmu is not None and target is not None:
@@ -454,7 +463,7 @@ def generate(
     if recording is not None and not web:
         raise FaultbondError("recording: only a page, web=True, has a recording inside")
     if web:
-        inside = None if recording is None else Path(recording)
+        inside = path_of(recording, "recording")
         found = generated_page(source, output=folder, recording=inside, lanes_at_most=most, watch_only=watch_only)
     elif fmu is None:
         chosen = target or TARGETS[0]
@@ -480,7 +489,9 @@ def accept(model: ModelLike, state: PathLike, *names: str, repaired: bool = Fals
     FaultbondError
         Where there is nothing to accept, or no such candidate.
     """
-    return accepted_in(as_model(model).source, Path(state), spelled(names), repaired=truth_of(repaired, "repaired"))[1]
+    return accepted_in(
+        as_model(model).source, file_of(state, "state"), spelled(names), repaired=truth_of(repaired, "repaired")
+    )[1]
 
 
 def reject(model: ModelLike, state: PathLike, *names: str) -> Decision:
@@ -497,7 +508,7 @@ def reject(model: ModelLike, state: PathLike, *names: str) -> Decision:
     FaultbondError
         Where there is nothing to reject, or no such candidate.
     """
-    return rejected_in(as_model(model).source, Path(state), spelled(names))[1]
+    return rejected_in(as_model(model).source, file_of(state, "state"), spelled(names))[1]
 
 
 @contextmanager
@@ -520,10 +531,9 @@ def _refuse_outputs(
     json: PathLike | None = None,
 ) -> None:
     """Refuse to write over what is read, as the command line does."""
-    read = [(identity(Path(model.file)), "the model")]
-    read += [(identity(Path(item)), "a recording") for item in recordings if isinstance(item, str | os.PathLike)]
+    files = [(item, "a recording") for item in recordings if isinstance(item, str | os.PathLike)]
     written = {"the state": state, "the output": output, "the report": report, "the file of records": json}
-    refuse_outputs(read, [(Path(path), what) for what, path in written.items() if path is not None])
+    refuse_overwriting([(model.file, "the model"), *files], written)
 
 
 def _wishes(

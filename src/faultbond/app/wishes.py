@@ -1,9 +1,11 @@
 """What the verbs are asked for."""
 
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from faultbond.errors import FaultbondError
 from faultbond.types import Method
 
 if TYPE_CHECKING:
@@ -56,12 +58,22 @@ class Imperfections:
 
     spread: healthy parameters differ from nominal by up to this part. lag: s, of inputs with a declared settling.
     curve: largest error, as a part, of the curve of an input in percent. wander: whether what wanders does so.
+
+    Raises
+    ------
+    FaultbondError
+        Where one is negative, or without a limit.
     """
 
     spread: float = 0.0
     lag: float = 0.0
     curve: float = 0.0
     wander: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("spread", "lag", "curve"):
+            if not 0.0 <= getattr(self, name) < inf:
+                raise FaultbondError(f"{name} {getattr(self, name):g}: expected a finite number, 0 or more")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -257,7 +257,10 @@ function estimateText(name, item) {
 
 const heats = new Map(); // what is coloured of each part of the drawing
 
+const LEAST = 0.65; // of its size at which the letters of the drawing can be read, 9 px; where there is less room, it is moved
+
 function prepareHeat() {
+  for (const drawing of document.querySelectorAll("#drawing svg")) drawing.style.minWidth = `${LEAST * drawing.viewBox.baseVal.width}px`;
   for (const node of document.querySelectorAll("#drawing g.node")) {
     const paper = node.querySelector(".paper"), heat = paper.cloneNode();
     heat.setAttribute("class", "heat");

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from faultbond.cli.values import level, whole_number
-from faultbond.errors import FaultbondError, Mistakes
+from faultbond.errors import Mistakes
 from faultbond.io.out import Out
 
 
@@ -29,28 +29,23 @@ def add_site(parser: argparse.ArgumentParser) -> None:
 
 
 def start_service(arguments: argparse.Namespace, out: Out) -> None:
-    """Call the verb.
-
-    Raises
-    ------
-    FaultbondError
-        Where a site file is given beside what stands in it.
-    """
+    """Call the verb."""
     from faultbond.service.log_lines import LogForm  # noqa: PLC0415 - not all need it
     from faultbond.service.program import hash_password, serve  # noqa: PLC0415
-    from faultbond.service.site import read_site, site_of  # noqa: PLC0415
+    from faultbond.service.site import chosen_site  # noqa: PLC0415
 
     if arguments.hash:
         hash_password(out)
         return
-    source, store, port = arguments.source, arguments.store, arguments.port
-    if arguments.site is not None and (arguments.models or source or store or arguments.accept):
-        raise FaultbondError("--site: models, --source, --store and --accept stand in the site file then.")
     mistakes = Mistakes()
-    site = (
-        read_site(arguments.site, port=port, mistakes=mistakes)
-        if arguments.site is not None
-        else site_of(arguments.models, source=source, store=store, port=port, accept=arguments.accept)
+    site = chosen_site(
+        arguments.models,
+        file=arguments.site,
+        source=arguments.source,
+        store=arguments.store,
+        port=arguments.port,
+        accept=arguments.accept,
+        mistakes=mistakes,
     )
     form = None if arguments.log is None else LogForm(arguments.log)
     serve(site, check=arguments.check, log=form, out=out, mistakes=mistakes)

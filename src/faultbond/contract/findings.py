@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import Enum
+from html import escape
 
 from faultbond.arrays import FloatArray
 from faultbond.types import CheckKind, FaultKind
@@ -111,6 +112,12 @@ class Detection:
     change_time: float
     signals: tuple[str, ...]
     walk: Walk | None = None
+
+    def _repr_html_(self) -> str:
+        told = {"time": f"{self.time:.9g}", "sample": self.sample, "change_time": f"{self.change_time:.9g}"}
+        told |= {"signals": ", ".join(self.signals)} | ({"walk": self.walk.parameter} if self.walk is not None else {})
+        rows = "".join(f"<tr><th>{name}</th><td>{escape(str(value))}</td></tr>" for name, value in told.items())
+        return f"<table>{rows}</table>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

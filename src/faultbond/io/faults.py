@@ -50,22 +50,22 @@ def parse_fault(text: str) -> FaultRequest:
     kind = match["kind"] if match else None
     if match is None or (match["amount"] is None and kind != FaultKind.STUCK.value):
         raise FaultbondError(
-            f"--fault {text!r}: expected NAME=VALUE@TIME, such as K1=4.45e11@2460, K1=x1.85@2460 or flow.stuck@2460."
+            f"fault {text!r}: expected NAME=VALUE@TIME, such as K1=4.45e11@2460, K1=x1.85@2460 or flow.stuck@2460."
         )
     if kind is not None and kind not in OF_INSTRUMENTS:
         grows = "; a drift is a bias that grows, .bias=VALUE@FROM..TO" if kind == FaultKind.DRIFT.value else ""
         known = ", ".join(OF_INSTRUMENTS)
-        raise FaultbondError(f"--fault {text!r}: {kind!r} is no fault of a sensor or input. Those are {known}{grows}.")
+        raise FaultbondError(f"fault {text!r}: {kind!r} is no fault of a sensor or input. Those are {known}{grows}.")
     amount = None if match["amount"] is None else finite_number(match["amount"])
     if amount is not None and math.isnan(amount):
         advice = "Give the value in the model's unit, or x2 for a factor."
-        raise FaultbondError(f"--fault {text!r}: {match['amount']!r} is not a number. {advice}")
+        raise FaultbondError(f"fault {text!r}: {match['amount']!r} is not a number. {advice}")
     start, end = _moment(match["start"], text), _moment(match["end"] or match["start"], text)
     if end < start:
-        raise FaultbondError(f"--fault {text!r}: it ends before it starts. Write the earlier time first.")
+        raise FaultbondError(f"fault {text!r}: it ends before it starts. Write the earlier time first.")
     on, off = (_length(match[name], text) for name in ("on", "off"))
     if on is not None and end > start:
-        raise FaultbondError(f"--fault {text!r}: a fault that comes and goes has one TIME, at which it comes first.")
+        raise FaultbondError(f"fault {text!r}: a fault that comes and goes has one TIME, at which it comes first.")
     relative = bool(match["factor"])
     return FaultRequest(
         parameter=match["name"] + (f".{kind}" if kind else ""),
@@ -84,7 +84,7 @@ def _length(text: str | None, fault: str) -> float | None:
         return None
     seconds = finite_number(text)
     if not seconds > 0.0:
-        raise FaultbondError(f"--fault {fault!r}: {text!r} is not a length of time. Give seconds, as in @1500,300/600.")
+        raise FaultbondError(f"fault {fault!r}: {text!r} is not a length of time. Give seconds, as in @1500,300/600.")
     return seconds
 
 
@@ -95,4 +95,4 @@ def _moment(text: str, fault: str) -> float:
         return seconds
     with suppress(ValueError, OverflowError):
         return parse_time(text)
-    raise FaultbondError(f"--fault {fault!r}: {text!r} is not a time. Give seconds, or 2024-05-01T12:00:00Z.")
+    raise FaultbondError(f"fault {fault!r}: {text!r} is not a time. Give seconds, or 2024-05-01T12:00:00Z.")

@@ -3,11 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import Self
 
-from faultbond.errors import ModelError
 from faultbond.model.graph import BondGraph
-from faultbond.model.parser import number_text
 from faultbond.model.resolve import resolve
 from faultbond.model.source import Entry, Items, Node, Source, Table, Text, shown
+from faultbond.model.words import stated_node
 
 Scalar = str | float | bool
 Fields = Mapping[str, "Scalar | Sequence[Scalar] | Fields | None"]
@@ -78,7 +77,7 @@ class ModelBuilder:
         row = self._sections.setdefault("correlations", {})
         stated = row.get(one)
         entries = stated.entries if isinstance(stated, Table) else ()
-        row[one] = Table((*entries, Entry(other, self._node(value, f"correlation of {shown(one)}"))))
+        row[one] = Table((*entries, Entry(other, stated_node(value, f"correlation of {shown(one)}", self._source))))
         return self
 
     def table(
@@ -215,7 +214,11 @@ class ModelBuilder:
         ModelError
             at the first thing that is not a complete, consistent model; the message starts with `model NAME: `.
         """
-        entries = [Entry(key, self._node(value, key)) for key, value in self._settings.items() if value is not None]
+        entries = [
+            Entry(key, stated_node(value, key, self._source))
+            for key, value in self._settings.items()
+            if value is not None
+        ]
         for key, section in self._sections.items():
             entries.append(Entry(key, Table(tuple(Entry(name, value) for name, value in section.items()))))
         if self._bonds or "blocks" not in self._sections:
@@ -226,21 +229,5 @@ class ModelBuilder:
         table = self._sections.setdefault(section, {})
         if name in table:
             raise self._source.error(0, f"{section}: `{shown(str(name))}` is added twice; choose another name")
-        table[str(name)] = self._node(value, f"{section}: {shown(str(name))}")
+        table[str(name)] = stated_node(value, f"{section}: {shown(str(name))}", self._source)
         return self
-
-    def _node(self, value: object, what: str) -> Node:
-        """Give a Python value as the texts, lists and tables that a file would give."""
-        if isinstance(value, str):
-            return Text(value)
-        if isinstance(value, bool):
-            return Text("yes" if value else "no")
-        if isinstance(value, int | float):
-            return Text(number_text(float(value)))
-        if isinstance(value, Mapping):
-            stated = ((str(key), item) for key, item in value.items() if item is not None)
-            return Table(tuple(Entry(key, self._node(item, what)) for key, item in stated))
-        if isinstance(value, Sequence):
-            return Items(tuple(self._node(item, what) for item in value))
-        problem = f"{what}: a {type(value).__name__} cannot stand here; give a text such as `5 Pa`, or a number"
-        raise ModelError(self._source.at(0) + problem)

@@ -64,8 +64,24 @@ def parse_any(text: str, file: str = "model.yaml") -> BondGraph | Structure:
 
     Arguments and errors as of `parse_model`.
     """
-    source, name = Source(file), Path(file).stem[:100] or "model"
-    table: Table = read_yaml(text, source)
+    source = Source(file)
+    return stated_in(read_yaml(text, source), source, Path(file).stem[:100] or "model")
+
+
+def stated_in(table: Table, source: Source, name: str) -> BondGraph | Structure:
+    """Give what the top table of a model states.
+
+    Parameters
+    ----------
+    table : the words of the model
+    source : starts every message
+    name : of the model where it states none
+
+    Raises
+    ------
+    ModelError
+        at the first thing that is not a complete, consistent model.
+    """
     if any(entry.key == STRUCTURE for entry in table.entries):
         return read_structure(table, source, name)
     return resolve(table, source, name)

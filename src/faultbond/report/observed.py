@@ -12,6 +12,7 @@ from faultbond.model.graph import BondGraph
 from faultbond.report.console import facts, set_width, table
 from faultbond.report.numbers import figure, join, unit_text, with_noun
 from faultbond.report.suspects import unit_of
+from faultbond.report.verdict import contradiction_sentence
 
 HEADER = ("component", "parameter", "nominal", "value", "unit")
 SHOWN_SETS = 20  # candidates shown; the records hold all
@@ -44,8 +45,7 @@ def print_observed(console: Console, seen: Observed) -> None:
     if seen.detection is None or seen.diagnosis is None:
         console.print(Text(f"Nothing contradicts the healthy network in {observations}.", style="bold green"))
         return
-    where = f"row {seen.detection.sample}"
-    console.print(Text(f"{where} contradicts the healthy network: {join(seen.detection.signals)}.", style="bold red"))
+    console.print(Text(contradiction_sentence(seen.detection), style="bold red"))
     console.print()
     candidates = seen.diagnosis.candidates
     if seen.graph is not None and any(candidate.suspects for candidate in candidates):

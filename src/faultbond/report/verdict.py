@@ -254,6 +254,11 @@ def detection_sentence(detection: Detection, *, is_known_to_alarm: bool = False)
     )
 
 
+def contradiction_sentence(detection: Detection) -> str:
+    """Say of a network without time which row contradicts it, and which readings do."""
+    return f"row {detection.sample} contradicts the healthy network: {join(detection.signals)}."
+
+
 def _walk_sentence(what: str, detection: Detection, walk: Walk) -> str:
     """Say that the healthy filter had to follow a parameter too far."""
     named = f"{walk.parameter} and others, which" if walk.together else f"{walk.parameter}, which"

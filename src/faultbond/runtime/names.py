@@ -18,8 +18,10 @@ def find_hypothesis(spec: EngineSpec, components: Sequence[str]) -> int:
     Raises
     ------
     FaultbondError
-        Where there is none, or several.
+        Where there is none, or several, or nothing is named.
     """
+    if not components:
+        raise FaultbondError("nothing is named. Name the components or parameters of one candidate of the diagnosis.")
     components = [name.partition(".")[0] for name in components]
     wanted = frozenset(components)
     found = []

@@ -71,7 +71,7 @@ def tell_history(store: LogStore, wanted: Excerpt, *, output: Path | None, out: 
         Where there is no such asset, no row in the period, or a file of another kind is wanted.
     """
     if wanted.begin is not None and wanted.end is not None and wanted.begin > wanted.end:
-        raise FaultbondError("--from: it is behind --to.")
+        raise FaultbondError("The period begins behind its end.")
     assets = _assets(store, wanted.asset)
     if output is None:
         _list(store.journal(wanted.asset, begin=wanted.begin, end=wanted.end), out)
@@ -82,7 +82,7 @@ def tell_history(store: LogStore, wanted: Excerpt, *, output: Path | None, out: 
         raise FaultbondError(f"{output}: what to write is told by the name's ending: {KINDS_OF_FILES}.")
     if len(assets) > 1:
         raise FaultbondError(
-            f"--asset: the store has {', '.join(assets)}; name the one that {output.name} is to be of."
+            f"The store has the assets {', '.join(assets)}; name the one that {output.name} is to be of."
         )
     enrolment = _in_force(store, assets[0], wanted)
     if output.suffix.lower() in PAGE:
@@ -276,7 +276,7 @@ def _assets(store: LogStore, name: str | None) -> list[str]:
     if name is None:
         return known
     if name not in known:
-        raise FaultbondError(f"--asset {name}: the store has no such asset; it has {', '.join(known)}.")
+        raise FaultbondError(f"{name}: the store has no such asset; it has {', '.join(known)}.")
     return [name]
 
 

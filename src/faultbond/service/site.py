@@ -226,6 +226,30 @@ def site_of(
     )
 
 
+def chosen_site(
+    models: Sequence[Path],
+    *,
+    file: Path | None,
+    source: str | None,
+    store: str | None,
+    port: int | None,
+    accept: float | None,
+    mistakes: Mistakes,
+) -> Site:
+    """Give the site of a file, or without one that of the other words.
+
+    Raises
+    ------
+    FaultbondError
+        Where both are given, or one is wrong.
+    """
+    if file is None:
+        return site_of(models, source=source, store=store, port=port, accept=accept)
+    if models or source or store or accept:
+        raise FaultbondError(f"{file}: models, source, store and accept stand in the site file. Leave them out here.")
+    return read_site(file, port=port, mistakes=mistakes)
+
+
 def read_site(path: Path, *, port: int | None = None, mistakes: Mistakes | None = None) -> Site:
     """Give the site of a file; paths in it are taken from where it lies.
 

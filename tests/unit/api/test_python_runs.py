@@ -107,6 +107,7 @@ def test_a_static_network_is_run_alike(tmp_path: Path) -> None:
     assert {"record": "end", "silent": []} | dict(result.counts) == of("end", found)[0]
     assert result.best is not None
     assert "contradicts the healthy network" in str(result)
+    assert ": row 0 contradicts the healthy network: " in result._repr_html_()
     for curves in (result.to_frame, result.plot, lambda: result.report(tmp_path / "no.html")):
         with pytest.raises(FaultbondError, match="a network without time has no curves"):
             curves()
@@ -189,6 +190,8 @@ def test_the_file_is_that_of_a_kept_run(short: Path, tmp_path: Path, capsys: pyt
     followed = fb.Monitor.restore(kept, MODEL)
     assert followed.detection == result.detection
     assert decision_record(followed.accept())["components"] == ["C"]
+    with pytest.raises(FaultbondError, match=r"^nothing is named"):
+        fb.reject(MODEL, kept)
     decided = fb.accept(MODEL, kept, "C", repaired=True)
     assert (decided.repaired, decided.candidate.components) == (True, ("C",))
     with pytest.raises(FaultbondError, match="no alarm to explain"):
@@ -205,6 +208,8 @@ def test_a_person_decides(short: Path) -> None:
         monitor.accept("pump")
     with pytest.raises(FaultbondError, match="name the candidate"):
         monitor.reject()
+    assert f"fault, {monitor.counts['samples']} samples, since " in monitor._repr_html_()
+    assert "<td>C</td>" in monitor._repr_html_()
     assert monitor.reject("C").candidate.components == ("C",)
     assert monitor.best is not None
     assert monitor.best.components != ("C",)
@@ -284,6 +289,10 @@ def test_results_show_themselves(short: Path) -> None:
     result = fb.run(MODEL, short)
     assert "Fault detected at" in str(result)
     assert "<td>C</td>" in result._repr_html_()
+    assert result.best is not None
+    assert result.detection is not None
+    assert "<td>C</td>" in result.best._repr_html_()
+    assert f"<th>time</th><td>{result.detection.time:.9g}</td>" in result.detection._repr_html_()
     assert "best C: C" in repr(result)
     with pytest.raises(AttributeError):
         result.model = fb.load(MODEL)  # type: ignore[misc]
@@ -297,6 +306,7 @@ def test_results_show_themselves(short: Path) -> None:
     assert frame.to_pandas().equals(pandas.DataFrame(frame))
     assert frame.to_polars().equals(polars.DataFrame(frame))
     assert frame.to_arrow()["V"].equals(pyarrow.table(frame)["V"])
+    assert pyarrow.RecordBatchReader.from_stream(frame).read_all()["V"].equals(frame.to_arrow()["V"])
     assert f"{ROWS} rows" in frame._repr_html_()
 
 
@@ -308,6 +318,7 @@ def test_what_is_not_installed_is_told(short: Path, monkeypatch: pytest.MonkeyPa
         ("pandas", result.to_frame().to_pandas),
         ("polars", result.to_frame().to_polars),
         ("pyarrow", result.to_frame().to_arrow),
+        ("pyarrow", result.to_frame().__arrow_c_stream__),
     ):
         monkeypatch.setitem(sys.modules, name, None)
         with pytest.raises(FaultbondError, match=r"pip install"):

@@ -119,6 +119,43 @@ def test_models_built_in_python(short: Path) -> None:
     assert (again.inputs[0].column, again.sensors[0].unit.text) == ("V", "V")
 
 
+WORDS: dict[str, object] = {
+    "name": "RC circuit",
+    "sample_time": "0.02 s",
+    "max_faults": 1,
+    "accuracy": "3 %",
+    "inputs": {"V": {"unit": "V", "noise": "0.1 V"}},
+    "components": {
+        "source": {"type": "Se", "law": "e = V"},
+        "R": {"type": "R", "parameters": {"R": {"nominal": "10 kohm", "suspect": True}}},
+        "C": {"type": "C", "law": None, "parameters": {"C": "100 uF"}},
+    },
+    "junctions": {"loop": 1},
+    "bonds": ["source -> loop -> R", "loop -> C"],
+    "sensors": {"V_C": {"reads": "C.e", "unit": "V", "noise": "0.1 V"}},
+}
+
+
+def test_a_model_of_words(tmp_path: Path, short: Path) -> None:
+    """A model is stated in Python by the words of its file, and goes into a file and back."""
+    model = fb.Model(**WORDS)  # type: ignore[arg-type]
+    assert fb.run(model, short).verdict == "healthy"
+    assert "  R: {type: R, parameters: {R: {nominal: 10 kohm, suspect: yes}}}\n" in model.text
+    model.save(tmp_path / "rc.yaml")
+    again = fb.load(tmp_path / "rc.yaml")
+    assert (again.text, again.graph.sha256) == (model.text, model.graph.sha256)
+    assert fb.Model(fb.dump_model(model.graph)).graph.sha256 == fb.load(MODEL).graph.sha256
+    for wrong, message in (
+        ({"inputs": {"V": {"units": "V"}}}, "model RC circuit: .*`units`"),
+        ({"inputs": {"V": {"noise": {3}}}}, "model RC circuit: inputs: a set cannot stand here"),
+        ({"input": {}}, "model RC circuit: .*`input`.*`inputs`"),
+    ):
+        with pytest.raises(FaultbondError, match=message):
+            fb.Model(**(WORDS | wrong))  # type: ignore[arg-type]
+    with pytest.raises(FaultbondError, match="name: give the text of a model file, or its words, not both"):
+        fb.Model(MODEL.read_text(), name="twice")
+
+
 def test_a_model_is_saved(tmp_path: Path) -> None:
     """A model writes its file."""
     model = fb.example("tank")
@@ -152,11 +189,44 @@ MISTAKES: dict[str, tuple[Callable[[], object], str]] = {
     "both": (lambda: fb.analyse(MODEL, fewest=True, least_noise=True), "give one of them"),
     "a form": (lambda: fb.code(MODEL, "rust"), "form 'rust': expected python, c or latex"),
     "a time": (lambda: fb.analyse(MODEL, within="3 V"), "within: "),
+    "less than nothing": (lambda: fb.simulate(MODEL, HEALTHY, spread=-1), "spread -1: expected a finite number"),
+    "without a limit": (lambda: fb.simulate(MODEL, HEALTHY, lag=np.inf), "lag inf: expected a finite number"),
     "a part": (lambda: fb.simulate(MODEL, HEALTHY, spread="3 V"), "spread='3 V': expected a percentage"),
-    "a fault": (lambda: fb.simulate(MODEL, HEALTHY, faults="C"), "expected NAME=VALUE@TIME"),
+    "a fault": (lambda: fb.simulate(MODEL, HEALTHY, faults="C=?"), "^fault 'C=\\?': expected NAME=VALUE@TIME"),
     "a folder": (lambda: fb.example("tank").save("nowhere/model.yaml"), "nowhere/model.yaml: it cannot be written"),
+    "text of a model": (lambda: fb.run(MODEL.read_text(), HEALTHY), r"^a text of several lines: .*`Model\(text\)`"),
+    "no output": (lambda: fb.generate(MODEL, None), "output: NoneType, where a path is expected"),  # type: ignore[arg-type]
+    "a dict": (
+        lambda: fb.generate(MODEL, "x.html", web=True, recording={"time": [0]}),  # type: ignore[arg-type]
+        "recording: dict, where a path is expected",
+    ),
     "a parameter": (lambda: fb.trace(MODEL, "K"), "no parameter K; there are R, C"),
 }
+
+
+NUL = "a\0b"
+NO_PATHS: list[Callable[[], object]] = [
+    lambda: fb.run(MODEL, NUL),
+    lambda: fb.run(MODEL, Path(NUL)),
+    lambda: fb.run(MODEL, HEALTHY, report=NUL),
+    lambda: fb.run(MODEL, HEALTHY, state=NUL),
+    lambda: fb.run(MODEL, HEALTHY, json=NUL),
+    lambda: fb.run(NUL, HEALTHY),
+    lambda: fb.load(MODEL).save(NUL),
+    lambda: fb.simulate(MODEL, HEALTHY, output=NUL),
+    lambda: fb.fit(MODEL, NUL),
+    lambda: fb.generate(MODEL, NUL),
+    lambda: fb.accept(MODEL, NUL),
+    lambda: fb.reject(MODEL, NUL, "C"),
+    lambda: fb.Monitor.restore(NUL),
+]
+
+
+@pytest.mark.parametrize("call", NO_PATHS)
+def test_no_path_has_a_nul(call: Callable[[], object]) -> None:
+    """A text that no file can be called by is told as such, whoever takes it."""
+    with pytest.raises(FaultbondError, match=r"no path has the character NUL|not a file name"):
+        call()
 
 
 @pytest.mark.parametrize("kind", MISTAKES)
@@ -215,10 +285,10 @@ def test_what_python_is_given_by_mistake(tmp_path: Path) -> None:
     with pytest.raises(FaultbondError, match="NoneType: expected the path"):
         fb.load(None)  # type: ignore[arg-type]
     with pytest.raises(FaultbondError, match="NoneType: expected the text of a model file"):
-        fb.Model(None)  # type: ignore[arg-type]
+        fb.Model()
     with pytest.raises(FaultbondError, match=r"several lines: .*`Model\(text\)` takes a text"):
         fb.load(MODEL.read_text())
-    with pytest.raises(FaultbondError, match="NoneType: expected the path of a file that `save` wrote"):
+    with pytest.raises(FaultbondError, match="path: NoneType, where a path is expected"):
         fb.Monitor.restore(None)  # type: ignore[arg-type]
     with pytest.raises(FaultbondError, match=r"Simulation: this is no recording. Give its `to_frame\(\)`"):
         fb.run(MODEL, fb.simulate(MODEL, inputs))
@@ -232,3 +302,9 @@ def test_names_are_offered() -> None:
     """What a notebook completes are the public names."""
     assert {"load", "run", "Monitor"} <= set(dir(fb))
     assert not {"lazily", "interrupt"} & set(dir(fb))
+
+
+def test_check_settings(capsys: pytest.CaptureFixture[str]) -> None:
+    """The text of a check has the numbers of the method where they are asked for."""
+    assert main(["check", str(MODEL), "--settings"]) == 0
+    assert str(fb.check(MODEL, settings=True)).split() == capsys.readouterr().out.split()

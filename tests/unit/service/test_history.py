@@ -261,8 +261,8 @@ def test_columns_of_a_log() -> None:
 @pytest.mark.parametrize(
     ("wanted", "output", "reason"),
     [
-        (Excerpt(asset="nobody"), None, "--asset nobody: the store has no such asset; it has pump, fan"),
-        (Excerpt(), "a.csv", "--asset: the store has pump, fan; name the one that a.csv is to be of"),
+        (Excerpt(asset="nobody"), None, "nobody: the store has no such asset; it has pump, fan"),
+        (Excerpt(), "a.csv", "The store has the assets pump, fan; name the one that a.csv is to be of"),
         (Excerpt(asset="pump"), "a.txt", "what to write is told by the name's ending"),
         (
             Excerpt(asset="pump", begin=90.0),
@@ -328,7 +328,7 @@ def test_a_line_of_each_kind() -> None:
 def test_a_period_that_ends_before_it_begins_is_refused(kept: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It is a slip of the pen, and no empty history."""
     assert main(["history", str(kept), "--from", "20", "--to", "10"]) == 2
-    assert "--from: it is behind --to" in capsys.readouterr().err
+    assert "The period begins behind its end" in capsys.readouterr().err
 
 
 def test_what_is_about_no_asset_is_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

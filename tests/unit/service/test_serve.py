@@ -206,7 +206,7 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path, capsys: pytest.Cap
     path = tmp_path / "site.yaml"
     path.write_text(f"assets: {{loop: {{model: {MODEL}}}}}\n")
     assert main(["serve", "--site", str(path), "--source", "-"]) == 2
-    assert "stand in the site file then" in capsys.readouterr().err
+    assert "stand in the site file" in capsys.readouterr().err
     assert main(["serve", "--site", str(path), "--check", "--json", "-"]) == 0
     (record,) = map(json.loads, capsys.readouterr().out.splitlines())
     assert (record["record"], [item["name"] for item in record["assets"]]) == ("site", ["loop"])

@@ -177,7 +177,7 @@ def _faults(asked: _Asked, subscribers: Sequence[Subscriber]) -> tuple[FaultRequ
             if len(misfits) == len(subscribers):  # no plant has such a parameter
                 raise misfits[0]
         except FaultbondError as error:
-            raise asked.mistake(str(error).removeprefix("--fault ")) from error
+            raise asked.mistake(str(error).removeprefix("fault ")) from error
         if fault.start > LATEST_FAULT:
             raise asked.mistake(f"fault={text}: TIME is in seconds after the simulation began, not a date.")
         found.append(fault)
