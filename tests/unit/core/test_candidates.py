@@ -379,3 +379,18 @@ def test_every_width_has_the_same_digits(options: tuple[str, ...]) -> None:
     for state in (one, other):
         mixed(5, state)
     assert one.diagnose().tobytes() == other.diagnose().tobytes()
+
+
+def test_without_candidates_nothing_is_unexplained() -> None:
+    """Where parameters alone are suspects, and all lanes are far out of their ranges, no lane is asked for more."""
+    outputs = tuple(replace(item, suspect=False) for item in SPEC.outputs)
+    inputs = tuple(replace(item, suspect=False) for item in SPEC.inputs)
+    parameters = tuple(replace(item, least=0.5, most=2.0) for item in SPEC.parameters)
+    state = Diagnosed(replace(SPEC, outputs=outputs, inputs=inputs, parameters=parameters))
+    for what, count in (("step", state.n_steps), ("slot", state.n_slots)):
+        for lane in range(count):
+            for place in range(FIRST, FIRST + len(parameters)):
+                state.lane(what, lane)[place] = 1e200
+    state["bank.sums"] = 10.0 * SETTINGS.cusum_limit
+    found = state.diagnose()
+    assert (found["n_candidates"], found["is_unexplained"]) == (0, 0)
