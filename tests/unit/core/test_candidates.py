@@ -394,3 +394,23 @@ def test_without_candidates_nothing_is_unexplained() -> None:
     state["bank.sums"] = 10.0 * SETTINGS.cusum_limit
     found = state.diagnose()
     assert (found["n_candidates"], found["is_unexplained"]) == (0, 0)
+
+
+def test_the_lanes_of_a_couple_weigh_together_what_one_slot_does() -> None:
+    """However many it has: a couple is as likely as its parts cost, and as the kind of its instrument's fault is."""
+    spec = replace(SPEC, coupled=True)
+    state, slots, couple = Diagnosed(spec), plan_slots(spec).lanes, spec.mixed.index((0, 0))
+    slot = next(k for k, item in enumerate(slots) if item.output == 0 and item.kind is FaultKind.BIAS)
+    values = np.full(state.n_steps + state.n_slots, -1000.0)
+    values[np.flatnonzero(STEPS.hypothesis == 1)] = 0.0
+    state.far_off()
+    state.likelihoods(values)
+    state["bank.coupled"][0] = couple
+    for lane in range(0, len(state["bank.base"]), len(state["bank.coupled"])):  # those of the first row
+        state["bank.base"][lane] = slot
+        for place in (FIRST, SIZE):
+            state.lane("slot", state.n_slots + lane)[place] = 1e3
+    first, second = state.diagnose()["candidates"][:2]
+    assert (first["hypothesis"], second["hypothesis"]) == (1, spec.n_begun + len(RESERVE) + couple)
+    weight = slots[slot].weight - SETTINGS.cost_per_sensor
+    assert second["probability"] / first["probability"] == pytest.approx(np.exp(weight), rel=1e-6)
