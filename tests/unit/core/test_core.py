@@ -246,3 +246,10 @@ def test_no_word_of_the_user_stands_in_the_text() -> None:
     text = core_text(build_spec(build_step_model(plant)), build_step_model(plant, all_inputs=True))
     assert "int x;" not in text
     assert text == text_of("tank")[1]
+
+
+def test_the_page_of_the_core_names_all_files() -> None:
+    """Who reads from its first line on comes by each of them."""
+    page = (CORE / "core.c").read_text(encoding="utf-8").partition("*/")[0]
+    names = {path.name for path in CORE.iterdir() if path.suffix in {".c", ".h"}} - {"core.c"}
+    assert {name for name in names if name not in page} == set()
