@@ -5,6 +5,7 @@
    drive wild RECORDING SAMPLES SEED the recording over and over, with values that no plant gives
    drive case RECORDING SEED         one case
    drive fuzz RECORDING SECONDS SEED cases one after the other, each told by its seed before it runs
+   drive fleet RECORDING -           the recording for each asset of a fleet, if the core serves fleets (FB_FLEETS)
 
    A recording is one number of rows (int64_t), then rows of time, step, inputs and readings (double). What must not be ends
    the program with 1 and a line that says so; the sanitizers end it otherwise. */
@@ -372,6 +373,73 @@ static void run_whole(const char *path)
     printf("%lld %lld %lld\n", (long long)drive.state->clock.detections, (long long)due, (long long)decisions);
 }
 
+#ifdef FB_FLEETS
+#include "threads.c"
+
+#define ASSETS (FB_LANES + 1) /* the last one in a group of its own */
+#define PARTS 2
+#define ACCEPTED_AT 3 /* diagnoses */
+
+/* The samples of all assets as a fleet takes them, each asset with values of its own that miss, and one that is wild. */
+static void spread(double *times, double *steps, double *inputs, double *readings)
+{
+    for (int64_t a = 0; a < ASSETS; a++)
+        for (int64_t k = 0; k < n_recorded; k++) {
+            const int64_t at = a * n_recorded + k;
+            double *y = readings + at * N_OUTPUTS;
+            times[k] = recorded[k][0];
+            steps[k] = recorded[k][1];
+            memcpy(inputs + at * N_INPUTS, recorded[k] + 2, N_INPUTS * sizeof(double));
+            memcpy(y, recorded[k] + 2 + N_INPUTS, N_OUTPUTS * sizeof(double));
+            if (k % (20 + a) == 0) y[0] = NAN;
+            if (k == 60 + a) y[0] = 1e4 * y[0] + 1.0;
+        }
+}
+
+/* A fleet takes the recording. Who goes away takes it by itself, is accepted what leads, and comes back. */
+static void run_fleet(void)
+{
+    static Drive drives[ASSETS];
+    void *fleet = room(fb_fleet_size(ASSETS)), *works[PARTS];
+    double *times = (double *)room(8 * n_recorded), *steps = (double *)room(8 * n_recorded);
+    double *inputs = (double *)room(8 * ASSETS * n_recorded * N_INPUTS), *readings = (double *)room(8 * ASSETS * n_recorded * N_OUTPUTS);
+    int64_t due[ASSETS] = {0}, left[ASSETS], n_left = 0, n_back = 0, n;
+    int is_away[ASSETS] = {0};
+    for (int p = 0; p < PARTS; p++) works[p] = room(fb_fleet_work_size());
+    for (int64_t a = 0; a < ASSETS; a++) begin_drive(&drives[a]);
+    spread(times, steps, inputs, readings);
+    fb_fleet_init(fleet, works[0], ASSETS, 0.0, 0);
+    for (int64_t at = 0; at < n_recorded; at += n) {
+        n = fb_fleet_begin(fleet, n_recorded - at, times + at, steps + at);
+        for (int64_t a = 0; a < ASSETS; a++) left[a] = -1;
+        fb_fleet_watch_all(fleet, works, PARTS, n, n_recorded, inputs + at * N_INPUTS, readings + at * N_OUTPUTS, left);
+        for (int64_t a = 0; a < ASSETS; a++) {
+            Drive *drive = &drives[a];
+            if (left[a] >= 0) {
+                fb_fleet_leave(fleet, a, drive->state, drive->work);
+                is_away[a] = 1;
+                n_left++;
+            }
+            for (int64_t k = left[a] >= 0 ? left[a] : 0; is_away[a] && k < n; k++) {
+                double row[COLUMNS];
+                memcpy(row, recorded[at + k], sizeof row);
+                memcpy(row + 2 + N_INPUTS, readings + (a * n_recorded + at + k) * N_OUTPUTS, N_OUTPUTS * sizeof(double));
+                take(drive, row);
+                if (drive->report.due && ++due[a] == ACCEPTED_AT)
+                    fb_accept(drive->state, drive->work, drive->found.candidates[0].hypothesis, &drive->candidate);
+            }
+        }
+        fb_fleet_end(fleet, n);
+        for (int64_t a = 0; a < ASSETS; a++) {
+            if (!is_away[a] || !fb_fleet_return(fleet, a, drives[a].state)) continue;
+            is_away[a] = 0;
+            n_back++;
+        }
+    }
+    printf("%lld %lld\n", (long long)n_left, (long long)n_back);
+}
+#endif
+
 static void read_recording(const char *path)
 {
     FILE *file = fopen(path, "rb");
@@ -394,6 +462,10 @@ int main(int n, char **words)
             printf("%llu\n", (unsigned long long)seed);
             run_case(seed);
         }
-    } else fail("no task");
+    }
+#ifdef FB_FLEETS
+    else if (!strcmp(words[1], "fleet")) run_fleet();
+#endif
+    else fail("no task");
     return 0;
 }

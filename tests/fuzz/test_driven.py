@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from driven import SANITIZERS, made, program, ran, write_recording
+from driven import made, program, ran, write_recording
 from faultbond.simulate import Fault
 from faultbond.synthesis.compile import TIDY
+from in_c import SANITIZERS
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
 
@@ -52,6 +53,15 @@ def test_nothing_undefined_happens_in_a_whole_run(name: str, folder: Path) -> No
     assert alarms >= 1
     assert diagnoses >= 14
     assert decisions == 2
+
+
+def test_nothing_undefined_happens_in_a_fleet(tmp_path: Path) -> None:
+    """Assets side by side in two threads leave with an alarm, each, and come back some hundred samples later."""
+    name = "no state"
+    recording = write_recording(tmp_path / "recording", made(name, 900, FAULTS[name]))
+    executable = program(name, tmp_path, GCC, *RUNS_SHORT, *SANITIZERS, "-DFB_FLEETS", "-DFB_LANES=4", "-pthread")
+    left, back = map(int, ran(executable, "fleet", recording, "-").split())
+    assert left >= back == 5
 
 
 @pytest.mark.parametrize("name", WILD)

@@ -107,6 +107,7 @@ def recording(plant: Both, rows: int) -> FloatArray:
     samples[:, place["again"]] = generator.random((rows, 1)) > 0.5
     samples[:, place["bound"]] = np.where(generator.random((rows, 1)) > 0.5, 6.0, 0.0)
     samples[:, place["nis"]] = generator.choice([0.0, 0.5, 3.0], size)
+    samples[:, place["run"]] = np.resize([0.0, 0.5, 2.0, 8.0], size)
     samples[::50, place["kick"]] = 0.1 * spec.slow_sizes**2
     samples[30::60, place["gap"]] = [0.1 * (abs(state.start_mean) + 1.0) for state in spec.states]
     return samples

@@ -243,9 +243,8 @@ class DenseFilter:
             P = 0.5 * (P + P.T)
             usual = fields["nis"][j] if fields["nis"][j] > 0 else 1.0
             misfit = min(innovation**2 / S, spec.thresholds.bank_bound**2)
-            gained -= (
-                0.5 * (misfit + usual * np.log(S / spec.output_noise[j] ** 2) + np.log(2.0 * np.pi)) / max(usual, 1.0)
-            )
+            counts = 1.0 / max(usual, fields["run"][j], 1.0)
+            gained -= 0.5 * counts * (misfit + usual * np.log(S / spec.output_noise[j] ** 2) + np.log(2.0 * np.pi))
         z[spec.parameter_slice] = self.in_range(z[spec.parameter_slice])
         return z, P, gained
 

@@ -25,7 +25,6 @@ TESTS = Path(__file__).parents[1]
 EXAMPLES = TESTS.parent / "examples"
 CORE = TESTS.parent / "src" / "faultbond" / "core"
 DRIVE = TESTS / "fuzz" / "drive.c"
-SANITIZERS = ("-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all")
 
 NO_INPUT = """\
 name: cooling

@@ -84,7 +84,7 @@ def watch_program(name: str, folder: Path) -> Path:
     (made / "core.so").write_bytes(build(graph_of(name)).library.content)
     texts = (str(PROGRAM / "main.c"), str(MEMORY))
     target = made / "made"
-    options = ("-std=c99", *WARNINGS, *(("-O1", *SANITIZERS) if name == SANITIZED else ("-O0",)), *places)
+    options = ("-std=c99", *WARNINGS, *(("-O1", "-g", *SANITIZERS) if name == SANITIZED else ("-O0",)), *places)
     command = ["gcc", *options, *texts, str(made / "core.so"), "-lm", "-o", str(target)]
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

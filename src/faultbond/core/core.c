@@ -5,26 +5,33 @@
      2. wild.h       values far beyond all that was seen are refused; until it is known whether an input is, two pasts go on
         smooth.h     what acts, from records that scatter; spikes.h: inputs that were off for one sample
         samples.h    the sample as the filters take it: inputs held, steps blanked, gaps allowed for
-     3. start.h      the first samples tell where the plant begins, outliers.h without those that are wild
+     3. start.h      the first samples tell where the plant begins, from a guess by shown.h, outliers.h without those that are wild
      4. advance.h    the healthy filter: filters.h (filter.h, triangle.h), which steps in time by integrate.h
-     5. detector.h   sums of what it did not expect, walking.h how far it had to move its parameters, and the alarm
+     5. detector.h   sums of what it did not expect (sums.h), walking.h how far it had to move its parameters, and the alarm
      6. trail.h      the samples before the alarm, and the places where the fault may have begun; all_along.h: if that was before them
      7. bank.h       a filter for every hypothesis from there, begun little by little (work.h, onsets.h): steps.h and growing.h
-                     for steps of parameters, slots.h and ramps.h for all other kinds of fault, couples.h for two kinds at once
-     8. ranking.h    how likely each hypothesis is, and what is wrong by how much; moving.h: which values still move;
+                     for steps of parameters, slots.h and ramps.h for all other kinds of fault, couples.h for two kinds at once,
+                     first.h for what was there at the first sample of all; rest.h: which cannot win any more
+     8. ranking.h    how likely each hypothesis is, and what is wrong by how much (estimates.h); moving.h: which values still move;
                      fault_range.h: which cannot be, stopped.h: meters that have stuck, further.h: what a model's errors may be all of,
                      within.h: what is no more than the accuracy; mismatch.h: that the model is off;
                      unexplained.h: what nothing explains; untested.h: what else it could be
      9. diagnosis.h  what is said; advice.h: what to check next
     10. decide.h     a diagnosis becomes the healthy model, by rule.h without a person, or is ruled out; save.h: a state as
-                     bytes
+                     bytes, by the table of fields.h
 
-   watching.h, with walking.h, is the part of 2, 4 and 5 that is the same for every sample. Fleets of many assets take it side by side
-   (fleet.h), and the whole way one by one where a sample is not usual (alone.h), if FB_FLEETS is defined.
+   watch.h holds 2 to 9 together, but for the advice; with a diagnosis that is due it keeps in mind what has been sure for long
+   (`settle_on` in rule.h). A sample at which the model does not hold (`leave_out` in samples.h) goes another way: `pass_outside`
+   lets time pass, the states stay, and nothing is judged.
 
-   watch.h holds 2 to 7 together; found.h says what calls give, state.h what is remembered, layout.h where the numbers of a
-   lane and of a sample stand, maths.h, lanes.h and port.h compute. model.h is generated: sizes, tables, rates and readings
-   of one model. */
+   watching.h, with smooth.h, sums.h, walking.h and real.h, is the part of 2, 4 and 5 that is the same for every sample. plant.h says
+   what its words stand for where one plant is watched. Fleets of many assets take it side by side (fleet.h), and the whole way one by
+   one where a sample is not usual (alone.h), if FB_FLEETS is defined.
+
+   found.h says what calls give, state.h what is remembered, watched.h what of that fleets remember too, layout.h where the numbers of
+   a lane and of a sample stand, given.h what a parameter is beside those that go with it; maths.h, lanes.h and port.h compute. model.h
+   is generated: sizes, tables, rates and readings of one model. filters.c, one.c and fleet.c are what is compiled apart from this
+   text, faster, where FB_APART is defined; threads.c lets parts of a fleet go on at a time. */
 #ifndef FB_MODEL_H
 #include "model.h"
 #endif

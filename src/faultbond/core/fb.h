@@ -69,8 +69,8 @@ int64_t fb_field(int64_t k, const char **name, int64_t *offset, int64_t *count, 
 void fb_lane(const void *state, int64_t lane, double *numbers);
 void fb_row(const void *state, int64_t number, double *row);
 
-/* For trials and fits of a model, off-line. Pack one sample as the monitor does before its filter runs, [N_SAMPLE]; 0 while
-   an input has not had a value. */
+/* For trials and fits of a model, off-line. Pack one sample as the monitor does before its filter runs, [N_SAMPLE]: 1, or 2 where
+   the model does not hold, so that the states stay; 0 while an input has not had a value. */
 int64_t fb_pack(void *state, double time, double step, const double *inputs, const double *readings, double *packed);
 
 /* Give the lane of a healthy plant, [PLAIN_NUMBERS], whose states, or states, slow errors and parameters, have this mean

@@ -2,7 +2,7 @@
 
    Extended Kalman filter; covariance as a packed triangle, which cannot become asymmetric; measurements one at a time,
    so that no matrix is inverted. A lane holds z, the triangle, the implicit signals, the roles of the slot, and the
-   logarithm of its likelihood. `filters.h` includes this text for both kinds of lanes, and says what the names stand for. */
+   logarithm of its likelihood. `filters.h` includes this text for each kind of lanes, and says what the names stand for. */
 
 typedef struct {
     lanes y[N_OUTPUTS];             /* readings expected */

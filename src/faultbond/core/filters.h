@@ -133,6 +133,7 @@ void filter_step_one(double *lane, const double *sample, double *innovations, do
 #undef add_by_z
 #undef added_by_slot
 #undef inputs_of
+#undef hold_states
 #undef spread_states
 #undef scatter
 #undef spread_rest

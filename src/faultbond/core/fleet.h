@@ -271,20 +271,20 @@ static void keep_watched(Group *group, int64_t index)
 }
 
 /* Parts of what is remembered that the usual way changes: all but the rival, and the lanes kept for long. */
-#define FIRST_PART offsetof(Watched, inputs.rival)
+#define END_OF_FIRST offsetof(Watched, inputs.rival)
 #define SECOND_PART offsetof(Watched, inputs.gain)
 #define END_OF_PARTS offsetof(Watched, healthy.snapshots)
 
 /* Keep what is remembered before a sample, and let asset l go back to it. */
 static void keep_before(const Watched *watched, Watched *before)
 {
-    memcpy(before, watched, FIRST_PART);
+    memcpy(before, watched, END_OF_FIRST);
     memcpy((char *)before + SECOND_PART, (const char *)watched + SECOND_PART, END_OF_PARTS - SECOND_PART);
 }
 
 static void go_back(const Watched *before, int l, Watched *watched)
 {
-    for (size_t at = 0; at < END_OF_PARTS; at = at + sizeof(lanes) == FIRST_PART ? SECOND_PART : at + sizeof(lanes)) {
+    for (size_t at = 0; at < END_OF_PARTS; at = at + sizeof(lanes) == END_OF_FIRST ? SECOND_PART : at + sizeof(lanes)) {
         const size_t here = at + (size_t)l * sizeof(double);
         memcpy((char *)watched + here, (const char *)before + here, sizeof(double));
     }
@@ -331,7 +331,7 @@ FB_OF_FLEETS void watch_groups(Fleet *fleet, const Portion *portion, int64_t fir
     }
 }
 
-#undef FIRST_PART
+#undef END_OF_FIRST
 #undef SECOND_PART
 #undef END_OF_PARTS
 #undef Clock

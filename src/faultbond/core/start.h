@@ -375,8 +375,8 @@ static void take_slopes(Guess *guess, const SolveMemory *memory)
     for (int c = 0; c < memory->n_free; c++) {
         const double move = move_of(guess, memory, memory->free[c]), size = memory->size[memory->free[c]];
         for (int64_t k = 0; k < memory->n_readings; k++) {
-            const double steep = (guess->slope[c][k] - guess->misfit[k]) / move * size;
-            guess->slope[c][k] = isnan(steep) ? 0.0 : fmax(fmin(steep, STEEPEST), -STEEPEST);
+            const double slope = (guess->slope[c][k] - guess->misfit[k]) / move * size;
+            guess->slope[c][k] = isnan(slope) ? 0.0 : fmax(fmin(slope, STEEPEST), -STEEPEST);
         }
     }
 }

@@ -1,5 +1,5 @@
 /* All that is remembered from sample to sample: numbers only, all of eight bytes, no pointer, no hole. So a state can be
-   copied, kept and sent. `State` has eight parts, what was found last, and what is sure. */
+   copied, kept and sent. `State`, below, is all of it. */
 #ifndef FB_STATE_H
 #define FB_STATE_H
 

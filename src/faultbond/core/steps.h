@@ -14,7 +14,7 @@
 
 #define ASTRAY 10.0       /* nats by which a lane that begins from closer may be less likely, as chance has it */
 #define IN_REACH 20.0     /* nats by which a filter, or a hypothesis, may lag behind the best and still come to lead */
-#define SAME 0.3          /* standard deviations by which two filters that found the same may differ, */
+#define ALIKE 0.3         /* standard deviations by which two filters that found the same may differ, */
 #define TINY 1e-12        /* and rounding */
 #define FOUND_SPREAD 0.35 /* sd of a start that was found, in starts; */
 #define LEAST_CHANGE 0.05 /* the most it is allowed is at least this, in healthy factors */
@@ -309,7 +309,7 @@ static int is_alike(Bank *bank, int64_t lane, int64_t other)
     for (int64_t k = AT_PARAMETERS; k < AT_SLOT; k++) {
         const double variance = *number_of_step(bank, other, PLAIN_PLACE(k, k));
         const double off = fabs(*number_of_step(bank, lane, k) - *number_of_step(bank, other, k));
-        if (!(off / (SAME * sqrt(variance < 0.0 ? 0.0 : variance) + TINY) <= 1.0)) return 0;
+        if (!(off / (ALIKE * sqrt(variance < 0.0 ? 0.0 : variance) + TINY) <= 1.0)) return 0;
     }
     return 1;
 }

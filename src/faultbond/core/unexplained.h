@@ -26,13 +26,13 @@ static double largest_sum(const Bank *bank, int64_t lane, int *side, int *signal
     return bank->sums[*side][*signal][lane];
 }
 
-/* Tell where the best lane does not fit. Not of an input by itself whose record has stopped: what acts is not known, so that nothing
-   speaks against it. */
+/* Tell where the best lane does not fit; without candidates there is none. Not of an input by itself whose record has stopped: what acts
+   is not known, so that nothing speaks against it. */
 static void find_unexplained(const State *state, int64_t lane, Diagnosis *found)
 {
     const Bank *bank = &state->bank;
     int side, signal;
-    if (found->n_candidates > 0 && has_stopped(&found->candidates[0])) return;
+    if (found->n_candidates == 0 || has_stopped(&found->candidates[0])) return;
     const double sum = largest_sum(bank, lane, &side, &signal);
     if (sum <= CUSUM_LIMIT) return;
     const int64_t length = state->clock.index - (int64_t)bank->since[side][signal][lane];

@@ -81,7 +81,7 @@ class Fleet:
         self._memory = memory(library.fb_fleet_size(n_assets))
         self._works = [memory(library.fb_fleet_work_size()) for _ in range(threads)]
         self._work_at = np.array([at(work) for work in self._works], dtype=np.uintp)
-        self._work = core.work
+        self._work = memory(core.sizes["work"])
         self._monitors: dict[int, Monitor] = {}
         self._index = 0
         self._time: float | None = None

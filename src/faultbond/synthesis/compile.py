@@ -82,14 +82,17 @@ _PROCESSOR = ("vendor_id", "cpu family", "model\t", "flags", "Features", "CPU ")
 
 
 def find_compiler() -> tuple[str, ...] | None:
-    """Give the command of a C compiler: `CC`, `cc`, `gcc`, `clang`, or the ziglang package; None if there is none."""
+    """Give the command of a C compiler: `CC`, there or not, `cc`, `gcc`, `clang`, or ziglang; None if there is none."""
+    wanted = os.environ.get("CC", "").strip()
     try:
-        chosen = tuple(shlex.split(os.environ.get("CC", "")))  # with options, `gcc -O2`, as a shell reads them
+        chosen = tuple(shlex.split(wanted))  # with options, `gcc -O2`, as a shell reads them
     except ValueError:  # quotation marks stay open
-        chosen = ()
-    for command in (chosen, ("cc",), ("gcc",), ("clang",)):
-        if command and shutil.which(command[0]):
-            return command
+        chosen = (wanted,)
+    if chosen:
+        return chosen
+    for name in ("cc", "gcc", "clang"):
+        if shutil.which(name):
+            return (name,)
     return ZIG if find_spec("ziglang") is not None else None
 
 
@@ -206,7 +209,7 @@ def compile_shared(parts: Mapping[str, Mapping[str, str]], compiler: tuple[str, 
         for path, content in zip(paths, objects.values(), strict=True):
             path.write_bytes(content)
         built = work / "built.so"
-        _run(compiler, work, (*compiler, *_options(WARM), "-shared", "-s", *map(str, paths), "-o", str(built), "-lm"))
+        _run(compiler, (*compiler, *_options(WARM), "-shared", "-s", *map(str, paths), "-lm"), built)
         return built.read_bytes()
 
 
@@ -238,8 +241,8 @@ def _compile_wasm(texts: Mapping[str, str], names: Sequence[str], compiler: tupl
         (work / file).write_text(text, encoding="utf-8")
     built = work / "page.wasm"
     places = (f"-I{work}", f"-I{work / 'core'}", f"-I{work / 'program'}")
-    told = (*compiler, *WASM, *_options(WARM), *places, *(str(work / name) for name in names), "-s", "-o", str(built))
-    _run(compiler, work, told, keeps_library=True)
+    told = (*compiler, *WASM, *_options(WARM), *places, *(str(work / name) for name in names), "-s")
+    _run(compiler, told, built, keeps_library=True)
     return built
 
 
@@ -248,7 +251,7 @@ def _compile_object(name: str, texts: Mapping[str, str], compiler: tuple[str, ..
     for file, text in texts.items():
         (work / file).write_text(text, encoding="utf-8")
     built = work / "built.o"
-    _run(compiler, work, (*compiler, *SHARED, *_options(WARM), "-c", str(work / name), "-o", str(built)))
+    _run(compiler, (*compiler, *SHARED, *_options(WARM), "-c", str(work / name)), built)
     return built
 
 
@@ -292,7 +295,7 @@ def _compile(
             objects[-1].write_bytes(item.result())
     built = work / "built.so"
     joined = (*compiler, *FLAGS, *_options(FAST), "-shared", *map(str, objects))
-    _run(compiler, work, (*joined, "-o", str(built), "-lm", "-pthread"))
+    _run(compiler, (*joined, "-lm", "-pthread"), built)
     return built
 
 
@@ -306,7 +309,7 @@ def _compile_part(name: str, level: tuple[str, ...], compiler: tuple[str, ...], 
     """Give the path of one compiled text of the folder `work`."""
     source, built = work / f"{name}.c", work / f"{name}.o"
     place = (f"-I{work}", f"-I{CORE}")
-    _run(compiler, work, (*compiler, *FLAGS, *_options(level), *place, "-c", str(source), "-o", str(built)))
+    _run(compiler, (*compiler, *FLAGS, *_options(level), *place, "-c", str(source)), built)
     return built
 
 
@@ -315,17 +318,22 @@ def _write(folder: Path, texts: Mapping[str, str]) -> None:
         (folder / name).write_text(text, encoding="utf-8")
 
 
-def _run(compiler: tuple[str, ...], work: Path, command: tuple[str, ...], *, keeps_library: bool = False) -> None:
-    """Run the compiler in the folder `work`; of another machine it makes a library of C first, worth keeping."""
+def _run(compiler: tuple[str, ...], command: tuple[str, ...], built: Path, *, keeps_library: bool = False) -> None:
+    """Let the compiler write a file; for another machine it makes a library of C first, worth keeping."""
     title, flags = compiler_title(compiler), ZIG_FLAGS if "ziglang" in compiler and not keeps_library else ()
     # What zig keeps for another time would be of no use, since a library is compiled once; of `CC`, which may be zig
     # itself, it would ask where the system's library is.
     environment = {name: value for name, value in os.environ.items() if name != "CC"}
     for name in ("ZIG_LOCAL_CACHE_DIR", *(() if keeps_library else ("ZIG_GLOBAL_CACHE_DIR",))):
-        environment.setdefault(name, str(work / "zig"))
+        environment.setdefault(name, str(built.parent / "zig"))
     try:
         done = subprocess.run(  # noqa: S603 - our own text, no shell
-            [*command, *flags], capture_output=True, text=True, timeout=_TIMEOUT, check=False, env=environment
+            [*command, *flags, "-o", str(built)],
+            capture_output=True,
+            text=True,
+            timeout=_TIMEOUT,
+            check=False,
+            env=environment,
         )
     except (OSError, subprocess.TimeoutExpired) as problem:
         raise GenerationError(f"The C compiler {title} did not finish: {problem}. {_ANOTHER}") from problem
@@ -333,6 +341,8 @@ def _run(compiler: tuple[str, ...], work: Path, command: tuple[str, ...], *, kee
         lines = done.stderr.strip().splitlines() or ["no message"]
         first = next((line for line in lines if "error" in line), lines[0])
         raise GenerationError(f"The C compiler {title} failed: {first.rstrip('.')}. {_ANOTHER}")
+    if not built.is_file():
+        raise GenerationError(f"The C compiler {title} failed: it wrote nothing. {_ANOTHER}")
 
 
 def compiler_identity(compiler: tuple[str, ...]) -> str:

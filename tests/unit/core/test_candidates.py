@@ -379,3 +379,38 @@ def test_every_width_has_the_same_digits(options: tuple[str, ...]) -> None:
     for state in (one, other):
         mixed(5, state)
     assert one.diagnose().tobytes() == other.diagnose().tobytes()
+
+
+def test_without_candidates_nothing_is_unexplained() -> None:
+    """Where parameters alone are suspects, and all lanes are far out of their ranges, no lane is asked for more."""
+    outputs = tuple(replace(item, suspect=False) for item in SPEC.outputs)
+    inputs = tuple(replace(item, suspect=False) for item in SPEC.inputs)
+    parameters = tuple(replace(item, least=0.5, most=2.0) for item in SPEC.parameters)
+    state = Diagnosed(replace(SPEC, outputs=outputs, inputs=inputs, parameters=parameters))
+    for what, count in (("step", state.n_steps), ("slot", state.n_slots)):
+        for lane in range(count):
+            for place in range(FIRST, FIRST + len(parameters)):
+                state.lane(what, lane)[place] = 1e200
+    state["bank.sums"] = 10.0 * SETTINGS.cusum_limit
+    found = state.diagnose()
+    assert (found["n_candidates"], found["is_unexplained"]) == (0, 0)
+
+
+def test_the_lanes_of_a_couple_weigh_together_what_one_slot_does() -> None:
+    """However many it has: a couple is as likely as its parts cost, and as the kind of its instrument's fault is."""
+    spec = replace(SPEC, coupled=True)
+    state, slots, couple = Diagnosed(spec), plan_slots(spec).lanes, spec.mixed.index((0, 0))
+    slot = next(k for k, item in enumerate(slots) if item.output == 0 and item.kind is FaultKind.BIAS)
+    values = np.full(state.n_steps + state.n_slots, -1000.0)
+    values[np.flatnonzero(STEPS.hypothesis == 1)] = 0.0
+    state.far_off()
+    state.likelihoods(values)
+    state["bank.coupled"][0] = couple
+    for lane in range(0, len(state["bank.base"]), len(state["bank.coupled"])):  # those of the first row
+        state["bank.base"][lane] = slot
+        for place in (FIRST, SIZE):
+            state.lane("slot", state.n_slots + lane)[place] = 1e3
+    first, second = state.diagnose()["candidates"][:2]
+    assert (first["hypothesis"], second["hypothesis"]) == (1, spec.n_begun + len(RESERVE) + couple)
+    weight = slots[slot].weight - SETTINGS.cost_per_sensor
+    assert second["probability"] / first["probability"] == pytest.approx(np.exp(weight), rel=1e-6)

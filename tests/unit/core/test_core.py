@@ -62,22 +62,38 @@ def samples_of(spec: EngineSpec, rows: int) -> FloatArray:
     return relinearised(spec, samples)
 
 
-@pytest.mark.parametrize(
+in_each_language = pytest.mark.parametrize(
     "language", [pytest.param(name, marks=needs_zig if "zig" in name else needs_gcc) for name in LANGUAGES]
 )
+# That of zig has to write something, too: what it has read; zig itself adds an option that nothing needs then.
+READ = {
+    name: ("-O0", "-S", "-emit-llvm", "-Wno-unused-command-line-argument") if "zig" in name else ("-fsyntax-only",)
+    for name in LANGUAGES
+}
+
+
+@in_each_language
 @pytest.mark.parametrize("name", PLANTS)
 @pytest.mark.parametrize("width", [1, 8])
 def test_no_compiler_has_a_word_to_say(name: str, language: str, width: int, tmp_path: Path) -> None:
     """The core of every sort of model is C99 that is C++17 too, without a warning, also where inputs or states lack.
 
     What only an optimising compiler sees, gcc sees in each language and width of one model, and in each model once; the
-    others are read only. Clang warns of what it reads; that of zig has to write something, too: what it has read.
+    others are read only. Clang warns of what it reads.
     """
     once = "zig" not in language and (name == "tank" or (language, width) == ("gcc", 8))
-    written = ("-O0", "-S", "-emit-llvm", "-Wno-unused-command-line-argument")  # zig itself adds one
-    read = written if "zig" in language else ("-fsyntax-only",)
-    flags = (*(("-O1", "-S") if once else read), f"-DFB_LANES={width}", "-march=native")
+    flags = (*(("-O1", "-S") if once else READ[language]), f"-DFB_LANES={width}", "-march=native")
     compiled_once(text_of(name)[1], tmp_path / "core.s", [*LANGUAGES[language], *WARNINGS, *flags, f"-I{CORE}"])
+
+
+@in_each_language
+@pytest.mark.parametrize("name", ["loop", "no input", "no state"])
+@pytest.mark.parametrize("width", [1, 8])
+def test_no_compiler_has_a_word_to_say_of_fleets(name: str, language: str, width: int, tmp_path: Path) -> None:
+    """A core that serves fleets, with its threads in the same text, is C99 that is C++17 too, without a warning."""
+    flags = (*READ[language], "-DFB_FLEETS", f"-DFB_LANES={width}", "-march=native")
+    text = text_of(name)[1] + '#include "threads.c"\n'
+    compiled_once(text, tmp_path / "core.s", [*LANGUAGES[language], *WARNINGS, *flags, f"-I{CORE}"])
 
 
 @needs_gcc
@@ -230,3 +246,10 @@ def test_no_word_of_the_user_stands_in_the_text() -> None:
     text = core_text(build_spec(build_step_model(plant)), build_step_model(plant, all_inputs=True))
     assert "int x;" not in text
     assert text == text_of("tank")[1]
+
+
+def test_the_page_of_the_core_names_all_files() -> None:
+    """Who reads from its first line on comes by each of them."""
+    page = (CORE / "core.c").read_text(encoding="utf-8").partition("*/")[0]
+    names = {path.name for path in CORE.iterdir() if path.suffix in {".c", ".h"}} - {"core.c"}
+    assert {name for name in names if name not in page} == set()

@@ -5,11 +5,13 @@ from math import inf, nan
 import numpy as np
 import pytest
 
+from cell_course import ACCEPTED, cell, course
 from diagnosed import N_P, SPEC, Diagnosed
 from faultbond.arrays import FloatArray
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.slots import SlotLane, plan_slots
 from faultbond.contract.spec import EngineSpec, pack, unpack
+from faultbond.runtime.monitor import Monitor
 from faultbond.types import FaultKind
 
 WIDE, SLOTS, STEPS = SPEC.slotted, plan_slots(SPEC).lanes, plan_lanes(SPEC)
@@ -242,3 +244,16 @@ def test_what_was_rejected_may_be_accepted(state: Diagnosed) -> None:
     state.only(lane)
     assert state.decide("reject", 0)[0] == 0
     assert accepted(state, 0)[0] == 0.7
+
+
+def test_slow_errors_begin_anew_where_the_fault_was_repaired() -> None:
+    """What they have learned they made up for a fault that is gone: only their declared size is left."""
+    spec, monitor = cell().spec, Monitor(cell(), course().saved[ACCEPTED - 1])
+    slow = spec.slow_slice
+    assert monitor.numbers("healthy.lane")[slow] != 0.0
+    monitor.accept(monitor.conclude().candidates[0].hypothesis, repaired=True)
+    lane = monitor.numbers("healthy.lane")
+    expected = np.zeros(spec.n_joint)
+    expected[slow] = spec.slow_sizes**2
+    assert lane[slow] == 0.0
+    assert unpack(spec, lane[spec.covariance_slice])[slow.start] == pytest.approx(expected)

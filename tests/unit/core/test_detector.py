@@ -9,6 +9,7 @@ import pytest
 
 from bare_core import CELL, Bare, bare, text_of
 from faultbond.arrays import FloatArray
+from faultbond.contract.core_settings import core_settings
 from faultbond.fit.cusum import LAGS, added, height_of, no_sums
 from faultbond.synthesis.compile import find_compiler
 
@@ -27,6 +28,7 @@ int64_t t_slow_error_alarms(State *state) { return slow_error_alarms(&state->clo
 PROMISED = CELL.replace("max_faults: 1", "max_faults: 1\ntime_between_false_alarms: 30 d").replace(
     "first.f: 1 %", "i: 1 %"
 )
+UNKNOWN_FROM = core_settings()["UNKNOWN_FROM"]
 SETTINGS, FIRST = text_of(CELL, "")[0].thresholds, 100
 BLANKED, GAP = np.inf, -np.inf  # instead of an innovation; nan: missing
 Scores = FloatArray | Sequence[float]
@@ -56,6 +58,22 @@ def fed(core: Bare, scores: Scores, other: float = 0.0) -> FloatArray:
 def sums(core: Bare, name: str) -> FloatArray:
     """Sums of each sensor, (sides or lags, 2)."""
     return np.array(core[f"sensors.{name}"]).reshape(-1, 2)
+
+
+@pytest.mark.parametrize("usually", [0.0, 1.0])
+def test_while_an_input_is_unknown_no_sensor_is_judged(usually: float) -> None:
+    """From the second sample on at which one that moves, and usually is told, is not: it may stand elsewhere.
+
+    usually : part of samples at which it is told
+    """
+    heights = []
+    for guessed in (UNKNOWN_FROM - 1.0, UNKNOWN_FROM):
+        core = begun()
+        core["inputs.held"] = core["inputs.leap"] = 1.0
+        core["inputs.habit"], core["inputs.guessed"] = usually, [0.0, guessed]
+        heights.append(float(fed(core, [2.0] * 10)[-1, 0]))
+    assert heights[0] > 0.0
+    assert heights[1] == (0.0 if usually else heights[0])
 
 
 def heights(scores: Scores) -> FloatArray:

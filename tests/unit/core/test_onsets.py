@@ -83,6 +83,12 @@ int64_t t_seek(const double *said, double least, int64_t *tried, double *told, i
     }
     return n;
 }
+/* Samples of the trail at which the model does not hold. */
+void t_outside(int64_t first, int64_t end)
+{
+    for (int64_t k = 0; k < trail.n; k++)
+        row_of(&past, trail.oldest + k)->sample[SAMPLE_STILL] = k >= first && k < end ? 2.0 : 0.0;
+}
 /* Bursts of a trail of this wildness, whose rows go round the end of those that are kept. */
 int64_t t_bursts(const double *wildness, int64_t n, int64_t *places)
 {
@@ -127,11 +133,23 @@ def library() -> ctypes.CDLL:
     return compiled(text + OF_ANY_SIZE + in_c(PLACES))
 
 
-def onsets(alarm: int, change: int, bursts: tuple[int, ...] = (), lanes: int = 100, first: int = 0) -> dict[int, int]:
-    """Onsets of a trail of 330 samples, from a first on, and what is to be done with each; lanes: of the bank."""
+def onsets(
+    alarm: int,
+    change: int,
+    bursts: tuple[int, ...] = (),
+    lanes: int = 100,
+    first: int = 0,
+    outside: tuple[int, int] = (0, 0),
+) -> dict[int, int]:
+    """Onsets of a trail of 330 samples, from a first on, and what is to be done with each.
+
+    lanes : of the bank
+    outside : from which sample up to before which the model does not hold
+    """
     places, standing, wild = np.zeros(400, dtype=np.int64), np.zeros(400, dtype=np.int64), np.zeros(330)
     wild[[*bursts]] = 9.0
     library().t_bursts(at(wild), ctypes.c_int64(330), at(places))
+    library().t_outside(*map(ctypes.c_int64, outside))
     numbers = (ctypes.c_int64(item) for item in (lanes, 330, alarm, change, first))
     n = library().t_search(*numbers, at(places), at(standing))
     return dict(zip(places[:n].tolist(), standing[:n].tolist(), strict=True))
@@ -206,6 +224,15 @@ def test_bursts_are_tried(lanes: int) -> None:
     assert set(found) - set(plain) <= {1, 136, 137}
     assert [place for place, standing in found.items() if standing == SURE] == [1, 136, 137, 320]
     assert min(found) >= 1
+
+
+@pytest.mark.parametrize("lanes", [100, 40000, 10**6])
+def test_where_the_model_holds_again_is_tried(lanes: int) -> None:
+    """While it did not hold, as while a pump was off, a fault may have begun; also in banks of any size."""
+    plain, found = onsets(329, 320, lanes=lanes), onsets(329, 320, lanes=lanes, outside=(91, 137))
+    assert set(found) - set(plain) <= {137}
+    assert [place for place, standing in found.items() if standing == SURE] == [137, 320]
+    assert onsets(329, 320, lanes=lanes, outside=(91, 330)) == plain
 
 
 def exhaustive(said: FloatArray, tried: list[int]) -> FloatArray:

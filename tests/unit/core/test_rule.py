@@ -162,6 +162,17 @@ def test_samples_that_are_not_judged_do_not_count() -> None:
     assert {name: int(monitor.number(name)) for name in since} == {name: value + 30 for name, value in since.items()}
 
 
+def test_samples_at_which_the_model_does_not_hold_do_not_pass() -> None:
+    """Neither do those since an alarm, nor those of a warm-up that is not over."""
+    samples = pumped.course([(200, 300)], 300)
+    monitor = Monitor(pumped.core())
+    monitor.take(samples[:230])
+    for begun, outside in ((220, 10), (150, 0)):
+        after = changed(monitor, **{"clock.begun": begun, "clock.alarm": 225, "alarm.outside": 3})
+        after.take(samples[230:240])
+        assert (after.number("clock.begun"), after.number("alarm.outside")) == (begun + outside, 13)
+
+
 @pytest.mark.parametrize(("ago", "is_kept"), [(100, True), (60, False)])
 def test_what_was_sure_is_kept_in_mind_though_its_kind_stays_open(ago: int, *, is_kept: bool) -> None:
     """A sensor off by a part or by a constant: what is kept in mind is not corrected by, so the set will do."""

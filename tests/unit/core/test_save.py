@@ -245,8 +245,8 @@ def test_numbers_that_a_run_may_have_are_taken(name: str, value: float) -> None:
     "numbers",
     [
         {"clock.begun": 151},
-        {"clock.alarm": 151},
-        {"clock.accepted": 151},
+        {"clock.alarm": 150},  # the sample that comes next
+        {"clock.accepted": 150, "clock.alarm": -1, "job.ended": -1, "job.settled": -1},
         {"clock.accepted": 83},  # after the alarm
         {"clock.index": 302, "clock.begun": 1, "clock.running": 0, "clock.alarm": -1},
         {"clock.index": 10**9, "clock.begun": 0, "clock.running": 0, "clock.alarm": -1},
@@ -298,9 +298,17 @@ def test_work_that_contradicts_itself_is_refused(row: int, which: int | None, nu
     assert refused(forged(course().saved[row], numbers, which)) == DAMAGED
 
 
+def test_no_diagnosis_is_of_before_the_first_sample() -> None:
+    """A state that has seen no sample is in no alarm, though all that work says is in order."""
+    saved = course().saved[IDLE + 45]
+    alarm = {"clock.begun": 0, "clock.alarm": 0, "clock.accepted": -1, "job.ended": 0, "job.settled": 0}
+    assert refused(forged(saved, {"clock.index": 1, **alarm})) == 0
+    assert refused(forged(saved, {"clock.index": 0, **alarm})) == DAMAGED
+
+
 def test_samples_at_the_edge_of_order_are_taken() -> None:
     """What happened at the last sample, at the alarm, or while a start was still gathered is in order."""
-    edge = {"clock.begun": 150, "clock.alarm": 150, "clock.accepted": 150}
+    edge = {"clock.begun": 150, "clock.alarm": 149, "clock.accepted": 149}
     assert refused(forged(course().saved[150], edge)) == 0
     gathering = {"clock.index": 301, "clock.begun": 1, "clock.running": 0, "clock.alarm": -1}
     assert refused(forged(course().saved[150], gathering)) == 0

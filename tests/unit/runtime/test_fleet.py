@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -238,6 +239,27 @@ def test_an_asset_comes_back_after_a_diagnosis_was_accepted(hypothesis: str) -> 
     assert sum(event.kind is EventKind.DETECTION for event in events) >= 2
     assert repr([event for event in said if event.asset == asset]) == repr(list(in_order(events)))
     assert fleet.copy(asset).number("clock.index") == monitor.number("clock.index")
+
+
+def test_two_fleets_of_one_core_know_nothing_of_each_other() -> None:
+    """Assets that leave two fleets at the same time, each in a thread of its own, are as where they leave alone."""
+    core, fleets, found = built("loop")[1], [], [0, 0]
+    for seed in (2, 5):
+        run = made("loop", 700, seed=seed)
+        u, y = (np.repeat([[getattr(item, key) for item in run]], 4, axis=0) for key in ("u", "y"))
+        fleets.append(Fleet(core, 4))
+        fleets[-1].block(np.array([item.time for item in run]), u, y)
+    expected = [remembered(fleet.copy(0)) for fleet in fleets]
+
+    def leave(k: int) -> None:
+        found[k] = sum(remembered(fleets[k].copy(0)) == expected[k] for _ in range(60))
+
+    threads = [Thread(target=leave, args=(k,)) for k in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [60, 60]
 
 
 @pytest.mark.parametrize("width", [1, 2, 4])
