@@ -180,7 +180,8 @@ class StateSpec:
     """A plant state and what is known of its start (SI); `start_sd` None: solved from the first samples.
 
     follows: the input whose lag it is; it then begins about where that is first. -1: none. usual: its size in a plant
-    in use, SI; 0: nobody knows.
+    in use, SI; 0: nobody knows. reach: the same where inputs are known as they are in use; 0: they are not, or no
+    sensor would notice it.
     """
 
     name: str
@@ -191,6 +192,7 @@ class StateSpec:
     jumps: tuple[tuple[int, float], ...] = ()  # (parameter, exponent): times factor**exponent where the content stays
     follows: int = -1
     usual: float = 0.0
+    reach: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)  # no slots: what follows from the fields is worked out once

@@ -61,10 +61,19 @@ static double travelled(const Healthy *healthy, int i)
     return larger(healthy->travel[1][i] - healthy->travel[0][i], 0.0);
 }
 
+/* How far state i may go by chance in a gap: while a fault is sought no farther than it is large in use, or now, or has moved. Where
+   sensors hardly show it, as the temperature of a winding, they would let it be anywhere; lanes in which a sensor is at fault have
+   nothing else by which to find it, and follow the laws to where these were never meant. */
+static double farthest(const Healthy *healthy, int is_sought, int i)
+{
+    if (!is_sought || !(STATE_REACH[i] > 0.0)) return INFINITY;
+    return larger(larger(STATE_REACH[i], fabs(healthy->lane[i])), travelled(healthy, i));
+}
+
 /* The sd that states gain by a gap of so many samples before this one: by chance, or to where they have been. From so far off
    one linear update leads to near the truth only. So the samples that follow add a part of it again, each of them a step of
    Newton's method, down to what counts as nothing. */
-static void wander(const Healthy *healthy, double gap, double *astray)
+static void wander(const Healthy *healthy, double gap, int is_sought, double *astray)
 {
     int strays = gap != 0.0;
     for (int i = 0; i < N_STATES; i++) strays |= astray[i] != 0.0;
@@ -72,7 +81,8 @@ static void wander(const Healthy *healthy, double gap, double *astray)
     for (int i = 0; i < N_STATES; i++) {
         const double far = travelled(healthy, i), rest = GAP_AGAIN * astray[i];
         const double again = rest > larger(STATE_NOISE[i], GAP_NOTHING * far) ? rest : 0.0;
-        astray[i] = larger(larger(gap * STATE_DRIFT[i], smaller(gap / GAP_WHOLE, 1.0) * far), again);
+        const double chance = smaller(gap * STATE_DRIFT[i], farthest(healthy, is_sought, i));
+        astray[i] = larger(larger(chance, smaller(gap / GAP_WHOLE, 1.0) * far), again);
     }
 }
 
@@ -121,7 +131,7 @@ static void pack_sample(const State *state, const Sample *sample, Clock *clock, 
     for (int j = 0; j < N_OUTPUTS; j++) present |= packed[SAMPLE_USE + j] > 0.0;
     if (present && clock->doubt > 0.0) doubt_readings(clock, packed);
     if (gap != 0.0 || present) { /* else the states are not looked for */
-        wander(&state->healthy, gap, astray);
+        wander(&state->healthy, gap, clock->alarm >= 0, astray);
         for (int i = 0; i < N_STATES; i++) packed[SAMPLE_GAP + i] = astray[i];
     }
     hold_lags(&state->healthy, inputs, packed);

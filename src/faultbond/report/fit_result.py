@@ -474,7 +474,7 @@ def remarks(fitted: Fitted) -> list[tuple[str, str]]:
 def _faint_texts(fitted: Fitted) -> list[str]:
     return [
         f"{join(list(names))}: moved together they show to {100 * sd:.2g} % only, less well than declared; what is "
-        "declared decides. Name with --fixed what is known"
+        "declared decides. Name with --fixed what is known exactly"
         for names, sd in faint_of(fitted.found)
     ]
 
@@ -517,7 +517,7 @@ def _silence_text(item: Silence) -> str:
     text = ", ".join(parts).replace("-", MINUS)
     if len(parts) == 1:
         return f"{text}: the data do not tell"
-    return f"{text} together: the sensors do not show it. Name with --fixed which of them is known"
+    return f"{text} together: the sensors do not show it. State the accuracy of one, or name it with --fixed if exact"
 
 
 def noise_rows(fitted: Fitted) -> Iterator[tuple[str, ...]]:

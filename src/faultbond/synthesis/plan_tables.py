@@ -97,6 +97,7 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
     yield numbers("START_MEAN", (item.start_mean for item in spec.states))
     yield numbers("START_SD", (np.nan if item.start_sd is None else item.start_sd for item in spec.states))
     yield numbers("STATE_USUAL", (item.usual for item in spec.states))
+    yield numbers("STATE_REACH", (item.reach for item in spec.states))
     yield integers("START_INPUT", (item.follows for item in spec.states))
     yield numbers("STATE_NOISE", (item.noise for item in spec.states))
     yield numbers("STATE_DRIFT", (item.drift for item in spec.states))

@@ -20,7 +20,7 @@ from faultbond.contract.spec import (
     Thresholds,
 )
 from faultbond.equations.constraint_network import Store
-from faultbond.equations.step import StepModel, reference_inputs
+from faultbond.equations.step import StepModel, is_guessed, reference_inputs
 from faultbond.model.graph import BondGraph, Input, Parameter, Sensor, SlowError, Validity
 from faultbond.synthesis.products import factors_of_inputs
 from faultbond.synthesis.promise import cusum_limit, slow_error_limit
@@ -30,6 +30,7 @@ _STEP_PART = 0.01  # of an input's range; a larger change from row to row is a s
 _STEP_NOISE = 6.0  # standard deviations of a noisy input that are no step yet
 _FACTOR_LOW, _FACTOR_HIGH = 0.02, 50.0  # default range of a parameter, in nominals
 _WARM_UP_SAMPLES = 20
+_NOTICED = 0.1  # of what it takes for a sensor to be off by its noise
 _BOUND_LIMIT = 1.6  # declared sizes of a slow error that is a part of a law, where nothing is promised
 _USUAL_LIMIT = 5.0  # of any other
 _OUTSIDE = 4.0  # accuracies by which an estimate may leave the range about a healthy value at its end
@@ -158,7 +159,8 @@ def _state(model: StepModel, k: int, drift: float) -> StateSpec:
         drift=drift,
         jumps=tuple((j, float(power)) for j, power in enumerate(exponents) if np.isfinite(power) and power != 0.0),
         follows=[item.name for item in graph.inputs].index(source) if source else -1,
-        usual=abs(float(model.reference_state[k])),
+        usual=(size := abs(float(model.reference_state[k]))),
+        reach=0.0 if any(map(is_guessed, graph.inputs)) or size < _NOTICED * drift else size,
     )
 
 

@@ -46,6 +46,20 @@ def test_nothing_is_added_while_nothing_is_measured() -> None:
     assert found[71:] == pytest.approx([1.0, 0.0, 0.0, 0.3, 0.09])
 
 
+def test_while_a_fault_is_sought_a_state_goes_no_farther_than_in_use() -> None:
+    """Nor than it has moved, or is; before an alarm, and where nobody knows how large that is, it may be anywhere."""
+    known = CELL.replace("{unit: V,", "{unit: V, range: [0 V, 40 mV],").replace(
+        "{unit: A}", "{unit: A, range: [0 A, 2 mA]}"
+    )
+    reach, drift = bare(CALLS, known).spec.states[0].reach, 0.01
+    assert drift < reach < 50.0 * drift
+    expected = [(CELL, 5, 0.0, 1.0), (known, -1, 0.0, 1.0), (known, 5, 0.0, reach), (known, 5, 0.3, 0.3)]
+    for text, alarm, content, most in expected:
+        core = bare(CALLS, text)
+        core["clock.alarm"], core["healthy.lane"][0] = alarm, content
+        assert max(told(core, "2" * 10 + "-" * 100 + "2")[1]) == pytest.approx(most)
+
+
 def test_a_move_over_a_gap_does_not_tell_how_inputs_move() -> None:
     """Nobody knows in how many steps an input went elsewhere while it was not told, nor when a row comes late."""
     core = bare(CALLS)
