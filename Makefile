@@ -9,11 +9,13 @@ SITE := .venv/.site-installed
 WORKERS ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 1) + 1)))
 SEEDS ?= 100
 HOURS ?= 16
+MINUTES ?= 10
+SEED ?= $(shell date +%s)
 PYTHONS ?= $(BIN)/python
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo install compiler test quick lint golden docs site dist thesis trust bench
+.PHONY: help demo install compiler test quick lint golden docs site dist fuzz coverage thesis trust bench
 
 help:
 	@echo "make demo     find a fault in the built-in water tank and write report.html"
@@ -26,6 +28,9 @@ help:
 	@echo "make site     build the pages and the reference of the Python names as a site, into build/site"
 	@echo "make dist     build the packages into dist and try them in empty environments (minutes, and the network);"
 	@echo "              PYTHONS='python3.12 python3.13' for other versions"
+	@echo "make fuzz     samples, saved states and calls of the core drawn at random, under sanitizers (ten minutes for each of"
+	@echo "              five plants, two at once; MINUTES=1 SEED=7 for others)"
+	@echo "make coverage tell which lines and branches of the core whole runs and cases at random reach (gcc; minutes)"
 	@echo "make thesis   compute the tables and figures of the thesis anew, into docs/thesis.md"
 	@echo "make trust    measure anew how good it is, into docs/trust.md and docs/figures.md (some four hours;"
 	@echo "              SEEDS=2 HOURS=1 for a try)"
@@ -71,6 +76,13 @@ site: $(SITE)
 dist: $(DEV)
 	@echo "faultbond: packages"
 	@$(BIN)/python tests/packages/environments.py --python $(PYTHONS)
+
+fuzz: $(DEV) compiler
+	@echo "faultbond: cases at random, $(MINUTES) minutes for each plant, from seed $(SEED)"
+	@FAULTBOND_FUZZ="$$((60 * $(MINUTES))) $(SEED)" $(BIN)/python -m pytest -q -n 2 tests/fuzz -k drawn_at_random
+
+coverage: $(DEV) compiler
+	@PYTHONPATH=.:tests/shared:tests/fuzz $(BIN)/python tests/fuzz/coverage.py
 
 thesis: $(DEV) compiler
 	@echo "faultbond: the thesis' tables and figures"

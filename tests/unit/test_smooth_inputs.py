@@ -124,6 +124,17 @@ def test_trends_are_kalman_filters(name: str) -> None:
     assert packed(record)[:600] == pytest.approx(expected(record[:600], 1.0), rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.parametrize("wild", [1e120, -1e300, 1.7e308])
+def test_a_record_beyond_all_measure_is_not_followed(wild: float) -> None:
+    """Its square is no number, nor would any mean be one after it."""
+    record = 24.0 + np.random.default_rng(3).normal(0.0, 1.0, 400)
+    spoilt = record.copy()
+    spoilt[200:203] = wild
+    found, without = packed(spoilt), packed(record)
+    assert np.isfinite(found[203:]).all()
+    np.testing.assert_allclose(found[300:, 0], without[300:, 0], atol=0.5)
+
+
 @pytest.mark.parametrize(
     ("name", "most"),
     [("still", 0.3), ("small steps", 0.4), ("steps", 0.35), ("ramps", 0.35), ("slow", 0.4), ("mains", 0.9)],

@@ -24,6 +24,7 @@
 #define WALK_SETTLES 200     /* samples after the start, or a diagnosis that was accepted, from which on lanes are kept */
 #define TREND_JUMP 9.0      /* square of what a trend missed lately, in its variance, from which on it begins anew where the record is; */
 #define TREND_SHARE 0.5     /* part of the last miss in that */
+#define TREND_FARTHEST 1e100 /* sd of the noise, beyond which a record says nothing: its square would be no number, and then for ever */
 #define TREND_MOST 25.0     /* square of a miss, in the noise, that counts, */
 #define TREND_MEMORY 200.0  /* samples over which it is a mean, */
 #define TREND_DOUBLINGS 6   /* and 2 to this the power of their ratio that is a weight: a third of those samples */

@@ -45,7 +45,7 @@ static inline void smooth_input(Inputs *inputs, int m, real *u, real *fade, real
 {
     real(*trends)[TREND_NUMBERS] = inputs->trends[m];
     const double noise = INPUT_VARIANCE[SMOOTH_NOISE[m]], sd = sqrt(noise);
-    const flag told = is_finite(*u), is_first = told & (inputs->rough[m] == 0.0);
+    const flag told = is_finite(*u) & (greater(*u, -*u) < TREND_FARTHEST * sd), is_first = told & (inputs->rough[m] == 0.0);
     real passed[TRENDS], weight[TRENDS], least = SAME(INFINITY), sum = SAME(0.0), mean = SAME(0.0);
     real variance = SAME(0.0), shared = SAME(0.0);
     for (int t = 0; t < TRENDS; t++) {
