@@ -80,7 +80,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x831fbec9539c05b0ULL, 0xab3d566a2cb21fdbULL, 0x2d71bcd26cde881eULL, 0x2b6fa941e3563c31ULL};
+static const uint64_t MODEL_HASH[] = {0x68c33d2ca3d48e3eULL, 0x47847c4166770ff6ULL, 0x367c510b5d76f183ULL, 0x96bc4c83d49ce2caULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -129,7 +129,7 @@ static const int OUT_ROW_wide[] = {0, 4};
 static const int OUT_PLACE_wide[] = {0, 2, 3, 4};
 static const double START_MEAN[] = {0.0};
 static const double START_SD[] = {NAN};
-static const double STATE_USUAL[] = {0.8646691031830844};
+static const double STATE_USUAL[] = {86.46691031830844};
 static const double STATE_REACH[] = {0.0};
 static const int START_INPUT[] = {-1};
 static const double STATE_NOISE[] = {0.002};

@@ -180,8 +180,8 @@ class StateSpec:
     """A plant state and what is known of its start (SI); `start_sd` None: solved from the first samples.
 
     follows: the input whose lag it is; it then begins about where that is first. -1: none. usual: its size in a plant
-    in use, SI; 0: nobody knows. reach: the same where inputs are known as they are in use; 0: they are not, or no
-    sensor would notice it.
+    in use at the most, SI; 0: nobody knows, or no sensor would notice it. reach: the same where inputs are known as
+    they are in use, else 0.
     """
 
     name: str

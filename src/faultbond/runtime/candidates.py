@@ -18,6 +18,11 @@ from faultbond.contract.spec import EngineSpec
 from faultbond.types import CheckKind, FaultKind
 
 _KINDS = tuple(FaultKind)
+_NUMBERS = ("n_kinds", "kinds", "shares", "n_suspects", "probability", "group", "present", "hypothesis", "lane")
+_OF_SUSPECT = (
+    *("parameter", "input", "output", "word", "nominal", "estimate", "sd", "rate", "rate_sd", "began", "ended"),
+    *("moved", "stopped", "n_forecasts"),
+)
 WORDS = ("", "bias", "stuck", "gain", "noise")  # what is wrong with a sensor or an input, as `found.h` numbers it
 
 
@@ -37,7 +42,7 @@ def diagnosis_of(spec: EngineSpec, found: Any) -> Diagnosis:
     elsewhere = found["elsewhere"][: int(found["n_elsewhere"])]
     return Diagnosis(
         time=float(found["time"]),
-        candidates=tuple(candidate_of(spec, item) for item in found["candidates"][: int(found["n_candidates"])]),
+        candidates=candidates_of(spec, found["candidates"][: int(found["n_candidates"])]),
         unexplained=unexplained,
         untested=untested,
         within_accuracy=float(found["within_accuracy"]),
@@ -49,23 +54,38 @@ def diagnosis_of(spec: EngineSpec, found: Any) -> Diagnosis:
 
 def candidate_of(spec: EngineSpec, found: Any) -> Candidate:
     """Give a candidate; `found` is a record of `Core.candidate`."""
-    count = int(found["n_kinds"])
-    kinds = tuple((_KINDS[k], float(share)) for k, share in zip(found["kinds"][:count], found["shares"], strict=False))
-    return Candidate(
-        suspects=tuple(_suspect(spec, item) for item in found["suspects"][: int(found["n_suspects"])]),
-        probability=float(found["probability"]),
-        group=bool(found["group"]),
-        kind=kinds[0][0],
-        kinds=kinds,
-        present=bool(found["present"]),
-        hypothesis=int(found["hypothesis"]),
-        lane=int(found["lane"]),
+    return candidates_of(spec, found[None])[0]
+
+
+def candidates_of(spec: EngineSpec, found: Any) -> tuple[Candidate, ...]:
+    """Give candidates; `found` are records of `Core.candidate`, (n,).
+
+    Whole columns are read at once: a record of numpy takes as long for each of its numbers.
+    """
+    of = {name: found[name].tolist() for name in _NUMBERS}
+    kinds = [
+        tuple((_KINDS[k], share) for k, share in zip(numbers[:count], shares, strict=False))
+        for count, numbers, shares in zip(of["n_kinds"], of["kinds"], of["shares"], strict=True)
+    ]
+    suspects = _suspects_of(spec, found["suspects"], of["n_suspects"])
+    return tuple(
+        Candidate(
+            suspects=suspects[k],
+            probability=of["probability"][k],
+            group=bool(of["group"][k]),
+            kind=kinds[k][0][0],
+            kinds=kinds[k],
+            present=bool(of["present"][k]),
+            hypothesis=of["hypothesis"][k],
+            lane=of["lane"][k],
+        )
+        for k in range(len(found))
     )
 
 
 def advice_of(spec: EngineSpec, found: Any, diagnosis: Any) -> tuple[Advice, ...]:
     """Give advice; `found` is a record of `Core.advice`, `diagnosis` that of `Core.diagnosis` which it is for."""
-    rivals = [candidate_of(spec, item).components for item in diagnosis["candidates"][: int(found["n_rivals"])]]
+    rivals = [item.components for item in candidates_of(spec, diagnosis["candidates"][: int(found["n_rivals"])])]
     return tuple(_advice(spec, item, rivals) for item in found["checks"][: int(found["n_checks"])])
 
 
@@ -90,27 +110,37 @@ def _advice(spec: EngineSpec, found: Any, rivals: Sequence[tuple[str, ...]]) -> 
     )
 
 
-def _suspect(spec: EngineSpec, found: Any) -> Suspect:
-    index = int(found["parameter"])
+def _suspects_of(spec: EngineSpec, found: Any, counts: Sequence[int]) -> list[tuple[Suspect, ...]]:
+    """Give the suspects of candidates; `found` (n, most), of which the first `counts` of each are some."""
+    rows = [
+        [*zip(*columns, strict=True)] for columns in zip(*(found[name].tolist() for name in _OF_SUSPECT), strict=True)
+    ]
+    return [
+        tuple(_suspect(spec, rows[k][j], found["forecasts"][k, j, : rows[k][j][-1]]) for j in range(count))
+        for k, count in enumerate(counts)
+    ]
+
+
+def _suspect(spec: EngineSpec, of: tuple[Any, ...], forecasts: Any) -> Suspect:
+    """Give a suspect by its numbers, in the order of `_OF_SUSPECT`."""
+    index, k, j, word, nominal, estimate, sd, rate, rate_sd, began, ended, moved, stopped, _ = of
     if index >= 0:
         name, component = spec.parameters[index].name, spec.parameters[index].component
     else:
-        k, j = int(found["input"]), int(found["output"])
         component = spec.inputs[k].name if k >= 0 else spec.outputs[j].name
-        name = f"{component}.{WORDS[int(found['word'])]}"
-    forecasts = found["forecasts"][: int(found["n_forecasts"])]
+        name = f"{component}.{WORDS[word]}"
     return Suspect(
         parameter=name,
         component=component,
-        nominal=_number(found["nominal"]),
-        estimate=float(found["estimate"]),
-        sd=float(found["sd"]),
-        rate=_number(found["rate"]),
-        rate_sd=_number(found["rate_sd"]),
-        began=_number(found["began"]),
-        ended=_number(found["ended"]),
-        moved=float(found["moved"]),
-        stopped=_number(found["stopped"]),
+        nominal=_number(nominal),
+        estimate=estimate,
+        sd=sd,
+        rate=_number(rate),
+        rate_sd=_number(rate_sd),
+        began=_number(began),
+        ended=_number(ended),
+        moved=moved,
+        stopped=_number(stopped),
         forecasts=tuple(
             Forecast(
                 limit=float(item["limit"]),

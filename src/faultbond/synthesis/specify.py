@@ -30,6 +30,7 @@ _STEP_PART = 0.01  # of an input's range; a larger change from row to row is a s
 _STEP_NOISE = 6.0  # standard deviations of a noisy input that are no step yet
 _FACTOR_LOW, _FACTOR_HIGH = 0.02, 50.0  # default range of a parameter, in nominals
 _WARM_UP_SAMPLES = 20
+_GUESSED = 100.0  # times as large a state may be in use where inputs are guessed at a unit of the model file
 _NOTICED = 0.1  # of what it takes for a sensor to be off by its noise
 _BOUND_LIMIT = 1.6  # declared sizes of a slow error that is a part of a law, where nothing is promised
 _USUAL_LIMIT = 5.0  # of any other
@@ -151,6 +152,8 @@ def _state(model: StepModel, k: int, drift: float) -> StateSpec:
     moved[k] = content[k] or usual[k] or 1.0  # of an empty store nothing jumps
     at, by_theta = float(model.coordinates(moved, nominal)[k]), model.coordinates.jacobian()(moved, nominal, 0)[1]
     exponents = by_theta.full()[k] * nominal / at if at and len(nominal) else np.zeros(len(nominal))
+    usually, guessed = abs(float(model.reference_state[k])), any(map(is_guessed, graph.inputs))
+    usually = usually if usually > _NOTICED * drift else 0.0  # where nothing flows at the reference, rounding is left
     return StateSpec(
         name=model.states[k],
         start_mean=float(model.coordinates(content, nominal)[k]) if start is not None else 0.0,
@@ -159,8 +162,8 @@ def _state(model: StepModel, k: int, drift: float) -> StateSpec:
         drift=drift,
         jumps=tuple((j, float(power)) for j, power in enumerate(exponents) if np.isfinite(power) and power != 0.0),
         follows=[item.name for item in graph.inputs].index(source) if source else -1,
-        usual=(size := abs(float(model.reference_state[k]))),
-        reach=0.0 if any(map(is_guessed, graph.inputs)) or size < _NOTICED * drift else size,
+        usual=_GUESSED * usually if guessed else usually,
+        reach=0.0 if guessed else usually,
     )
 
 
