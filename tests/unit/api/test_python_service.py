@@ -41,7 +41,8 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
             address = first.partition(": ")[2].split()[0]
             assert [item["name"] for item in httpx.get(f"{address}api/v1/site").json()["assets"]] == ["rc"]
             end = time.monotonic() + LONGEST
-            while '"diagnosis"' not in (folder / "records.jsonl").read_text() and time.monotonic() < end:
+            records = folder / "records.jsonl"
+            while not (records.exists() and '"diagnosis"' in records.read_text()) and time.monotonic() < end:
                 time.sleep(0.05)
             process.send_signal(signal.SIGINT)
             assert process.communicate(timeout=LONGEST)[0] == "stopped\n"
