@@ -7,7 +7,7 @@ is nan in its row; a file that is no recording is one `RecordingError`. Source: 
 import csv
 import difflib
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -345,7 +345,7 @@ def _csv_blocks(source: str | Path, columns: Columns, title: str, texts: TextCel
     """Turn CSV text into rows, many lines at a time where each of them is a plain record."""
     with reading(title), opened_text(source) as stream:
         body = _Body(Lines(stream, title), columns, title, texts)
-        yield from body.blocks_of_stream() if str(source) == STANDARD_INPUT else body.blocks()
+        yield from body.passing_over(body.refused) if str(source) == STANDARD_INPUT else body.blocks()
         if body.count == 0:
             raise RecordingError(_no_row(title))
 
@@ -359,18 +359,22 @@ class _Body:
         self._layout = _Layout(columns, next(records_in(lines, self._delimiter, title), (0, ()))[1], title, texts)
         self._texts = texts
 
-    def blocks_of_stream(self) -> Iterator[RowBlock]:
-        """Give the same of what cannot be mended and given again: what is no row is passed over, see `read_blocks`."""
+    def passing_over(self, refuse: Callable[[RecordingError], Iterable[RowBlock]]) -> Iterator[RowBlock]:
+        """Give the same of what cannot be given again; `refuse` gives what stands for a record that is none."""
         while True:
             try:
                 yield from self.blocks()
                 return
-            except NoRowError as error:
-                if not self.count:
-                    raise
+            except RecordingError as error:
+                yield from refuse(error)
                 self.count += 1
-                self._texts.pass_over(str(error))
-                yield block_of_rows([self._layout.nothing(self.lines.number)])
+
+    def refused(self, error: RecordingError) -> Iterator[RowBlock]:
+        """Give what stands for a record of a live stream that is no row, see `read_blocks`; else the error stays."""
+        if not isinstance(error, NoRowError) or not self.count:
+            raise error
+        self._texts.pass_over(str(error))
+        yield block_of_rows([self._layout.nothing(self.lines.number)])
 
     def blocks(self) -> Iterator[RowBlock]:
         """Give the rows up to the end of the text; those before an error come before it."""
@@ -454,11 +458,11 @@ class RowFeed:
             if not text.strip():  # empty lines before the header
                 return []
             self._body = _Body(self._lines, self._columns, self._title, TextCells())
-        found: list[RowBlock] = []
-        while not self._is_done(self._body, found):
-            self.refused += 1
-            self._body.count += 1
-        return found
+        return list(self._body.passing_over(self._refuse))
+
+    def _refuse(self, _: RecordingError) -> Iterable[RowBlock]:
+        self.refused += 1
+        return ()
 
     def _whole(self, *, final: bool) -> bytes:
         """Take from what is held the lines that are whole."""
@@ -474,15 +478,6 @@ class RowFeed:
             return b""
         self._held = self._held[cut:]
         return whole
-
-    @staticmethod
-    def _is_done(body: _Body, found: list[RowBlock]) -> bool:
-        """Read on, adding to what was found; False where a record was refused."""
-        try:
-            found.extend(body.blocks())
-        except RecordingError:
-            return False
-        return True
 
 
 def _are_plain(lines: Sequence[str], delimiter: str, n_fields: int) -> bool:
