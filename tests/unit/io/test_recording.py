@@ -271,6 +271,9 @@ def test_a_line_of_standard_input_that_is_no_row_is_told_once_and_passed_over(mo
     for block in blocks:
         list(grid.push_block(block))
     assert grid.counts.untimed == 2
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"u,v\n1,2\n1,2,3\n1,2\n")))
+    times = [float(time) for block in read_blocks("-", NO_TIME) for time in block.time]
+    np.testing.assert_array_equal(times, [0.0, math.nan, 4.0])  # it was a row of the logger
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text.replace("5,1,2,3", "5,1,2,3,4").encode())))
     with pytest.raises(RecordingError, match=r"^standard input:2: this row has 5 fields"):
         list(read_blocks("-", COLUMNS))
