@@ -34,7 +34,7 @@ UNTIMED = Columns(
 ODD = (
     *("", " ", "nan", "inf", "-1e999", "1_000", "x", "1,5", '"1"', '"1\n2"', "\u0661", "#3", "1e-320", "0x10", "5,"),
     *("101", "-5", "0.1", " 7 ", "1\t", "126.85", "-23.15", "5e3;2", "\0", '"', "\x0b1", "1\x85", "1\u2028"),
-    *("2024-01-01T00:00:00Z", "2024-13-01"),
+    *("2024-01-01T00:00:00Z", "2024-13-01", "1.2.2024 10:00:00,5", "1,2,3"),
 )
 
 
@@ -47,6 +47,8 @@ def texts(draw: st.DrawFn) -> str:
     delimiter, end = draw(st.sampled_from([",", ",", ";", "\t"])), draw(st.sampled_from(["\n", "\n", "\r\n", "\r"]))
     n_rows = draw(st.integers(0, 60))
     rows = [[repr(float(value)) for value in line] for line in generator.uniform(0.0, 120.0, (n_rows, 5)).round(3)]
+    if delimiter != "," and draw(st.booleans()):
+        rows = [[text.replace(".", ",") for text in row] for row in rows]
     for line, place, text in draw(odd):
         if line < n_rows:
             rows[line][place] = text

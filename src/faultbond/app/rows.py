@@ -53,8 +53,8 @@ def no_time(recording: Recording, texts: TextCells | None = None) -> str:
     told = texts.first("time") if texts is not None else ""
     return (
         f"{called(recording)}: no row has a time that can be read, before the year 9999{told}. "
-        "Check the column and unit of `time`: seconds, or dates as 2026-05-31 10:00:00, are read; ms and ns need "
-        "`unit`."
+        "Check the column and unit of `time`: seconds, or dates as 2026-05-31 10:00:00 or 31.5.2026 10:00:00, are "
+        "read; ms and ns need `unit`."
     )
 
 

@@ -10,8 +10,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 
@@ -20,6 +18,7 @@ from faultbond.errors import NoRowError, RecordingError
 from faultbond.io.csv_text import MAX_LINE, Lines, Pieces, delimiter_of, opened_text, reading, records_in
 from faultbond.io.files import STANDARD_INPUT, replaced_text
 from faultbond.io.memory_table import MemoryTable, Recording
+from faultbond.io.parquet import is_parquet, parquet_records
 from faultbond.io.row_block import Row, RowBlock, block_of_rows
 from faultbond.io.text_cells import TextCells
 from faultbond.io.times import WITH_COMMA, finite_number, moment_of
@@ -27,6 +26,7 @@ from faultbond.model.graph import BondGraph, Input, Sensor, TimeColumn, Unit
 
 MAX_PLAIN = 100_000  # the same of a line that is not looked at more closely
 STRANGE = '"\0_'  # what a line with plain numbers has not: quotations, what is no text, and digits grouped as in Python
+AROUND_COMMAS = (";", "\t")  # separators beside which a comma is the decimal mark of a number
 SHOWN_COLUMNS = 20
 FORMULA = (*"=+-@", "\t", "\r")  # what a cell begins with that a spreadsheet runs
 ROUNDING = 1e-9  # of an end of a range: a value so close to it is at the end
@@ -67,6 +67,10 @@ class Columns:
             return (*self.inputs, *self.outputs)
         return (Column(header=column, unit=self.time.unit, role="time"), *self.inputs, *self.outputs)
 
+    def headers(self, header: Sequence[str]) -> list[str]:
+        """Give what stands above them in a recording with such a header."""
+        return [column.header for column in self.needed(header)]
+
 
 def columns_of(graph: BondGraph, *, sensors: bool = True) -> Columns:
     """Give the columns that a model needs; without `sensors` only those that drive a simulation."""
@@ -101,10 +105,10 @@ def read_rows(source: Recording, columns: Columns, texts: TextCells | None = Non
     if isinstance(source, MemoryTable):
         return (block.row(k) for block in _table_blocks(source, columns, texts) for k in range(len(block)))
     if str(source) == STANDARD_INPUT:
-        return _rows(_csv_records(source, "standard input"), columns, "standard input", texts)
-    parquet = _is_parquet(Path(source))
-    records = _parquet_records(Path(source), columns) if parquet else _csv_records(source, str(source))
-    return _rows(records, columns, str(source), texts)
+        return _csv_rows(source, columns, "standard input", texts)
+    if is_parquet(Path(source)):
+        return _rows(parquet_records(Path(source), columns.headers), columns, str(source), texts)
+    return _csv_rows(source, columns, str(source), texts)
 
 
 def read_blocks(source: Recording, columns: Columns, texts: TextCells | None = None) -> Iterator[RowBlock]:
@@ -122,7 +126,7 @@ def read_blocks(source: Recording, columns: Columns, texts: TextCells | None = N
     path = Path(source)
     if str(source) == STANDARD_INPUT:
         return _csv_blocks(source, columns, "standard input", texts)
-    if not path.is_file() or _is_parquet(path):
+    if not path.is_file() or is_parquet(path):
         return (block_of_rows([row]) for row in read_rows(source, columns, texts))
     return _csv_blocks(path, columns, str(path), texts)
 
@@ -178,6 +182,7 @@ class _Layout:
     header : the first record of the recording
     title : its name, for messages
     texts : is given the cells that hold text where numbers belong
+    delimiter : what separates the fields of a text; where it is no comma, one in a number is its decimal mark
 
     Raises
     ------
@@ -185,7 +190,9 @@ class _Layout:
         Where a column is not there, or is there twice.
     """
 
-    def __init__(self, columns: Columns, header: Sequence[object], title: str, texts: TextCells) -> None:
+    def __init__(
+        self, columns: Columns, header: Sequence[object], title: str, texts: TextCells, delimiter: str = ""
+    ) -> None:
         self.header = [str(name).strip() for name in header]
         if not any(self.header):
             raise RecordingError(f"{title}: it is empty. The first row must name the columns.")
@@ -194,12 +201,13 @@ class _Layout:
             if self.header.count(column.header) != 1:
                 others = frozenset(item.header for item in needed if item is not column)
                 raise RecordingError(_no_column(column, others, self.header, title))
-        self._columns, self._title, self._texts = columns, title, texts
+        self._columns, self._title, self._texts, self._delimiter = columns, title, texts, delimiter
         clock = needed[:1] if needed and needed[0].role == "time" else ()
         self._needed = (*clock, *columns.inputs, *columns.outputs)  # in the order in which they are looked at
         self._clock = self.header.index(clock[0].header) if clock else None
         inputs, outputs = columns.inputs, columns.outputs
         self._inputs, self._outputs = ([self.header.index(item.header) for item in of] for of in (inputs, outputs))
+        self._places = (*(() if self._clock is None else (self._clock,)), *self._inputs, *self._outputs)
         self._lowest, self._highest = ends(outputs, inwards=True)
         self._least, self._most = ends(inputs, inwards=False)
 
@@ -217,15 +225,16 @@ class _Layout:
                 f"{where}: this row has {len(values)} fields, the header {len(header)}. Decimal commas? "
                 "Write numbers with a point; a text that holds a separator needs quotation marks."
             )
+        if self._delimiter in AROUND_COMMAS:
+            values = self._with_points(values, where)
         if clock is None:
             moment = columns.first_time + (count - 1) * (columns.sample_time or 1.0)
         else:
             moment = moment_of(_field(values, clock), columns.time.unit)
         u, y = _numbers(values, self._inputs, columns.inputs), _numbers(values, self._outputs, columns.outputs)
         if math.isnan(moment) or np.isnan(u).any() or np.isnan(y).any():
-            places = (*(() if clock is None else (clock,)), *self._inputs, *self._outputs)
             found = (*(() if clock is None else (moment,)), *u, *y)
-            for k, item, value in zip(places, self._needed, found, strict=True):
+            for k, item, value in zip(self._places, self._needed, found, strict=True):
                 text = _field(values, k)
                 if isinstance(text, str) and WITH_COMMA.fullmatch(text):  # it would pass for a missing value
                     wrong = f"{header[k]!r} is {text.strip()!r}"
@@ -236,24 +245,49 @@ class _Layout:
         y[saturated], u[beyond] = math.nan, math.nan
         return Row(time=moment, u=u, y=y, saturated=int(saturated.sum() + beyond.sum()), line=line)
 
+    def _with_points(self, values: Sequence[object], where: str) -> Sequence[object]:
+        """Give a record whose numbers have decimal points, of one whose numbers may have commas.
+
+        Raises
+        ------
+        NoRowError
+            Where some have commas and some points: one of these may separate thousands.
+        """
+        found = list(values)
+        written = [(k, text) for k in self._places if isinstance(text := _field(values, k), str)]
+        with_comma = [(k, text) for k, text in written if WITH_COMMA.fullmatch(text)]
+        for k, text in with_comma:
+            found[k] = text.replace(",", ".")
+        with_point = [(k, text) for k, text in written if "." in text and not math.isnan(finite_number(text))]
+        if with_comma and with_point:
+            (k, comma), (j, point) = with_comma[0], with_point[0]
+            both = f"{self.header[k]!r} is {comma.strip()!r} and {self.header[j]!r} is {point.strip()!r}"
+            raise NoRowError(f"{where}: {both}. Decimal commas or points? Write all numbers with one of them.")
+        return found
+
     def nothing(self, line: int) -> Row:
         """Give a row that says nothing, not even when."""
         u, y = (np.full(len(places), math.nan) for places in (self._inputs, self._outputs))
         return Row(time=math.nan, u=u, y=y, saturated=0, line=line)
 
-    def block(self, count: int, line: int, lines: Sequence[str], delimiter: str) -> RowBlock | None:
+    def block(self, count: int, line: int, lines: Sequence[str]) -> RowBlock | None:
         """Give the rows of lines, each a record with as many fields as the header, as `row` does for each of them.
 
-        None where there may be decimal commas. `count`, `line`: numbers of the first.
+        None where there may be decimal commas beside other marks. `count`, `line`: numbers of the first.
         """
-        columns, n = self._columns, len(lines)
-        places = [*(() if self._clock is None else (self._clock,)), *self._inputs, *self._outputs]
+        columns, n, places, delimiter = self._columns, len(lines), self._places, self._delimiter
         units = [*(() if self._clock is None else (columns.time.unit,)), *(item.unit for item in columns.inputs)]
         units += [item.unit for item in columns.outputs]
         numbers = _plain_numbers(lines, delimiter, places)
         fields = None
         if numbers is None:  # not all of them are numbers
-            fields = [*zip(*csv.reader(lines, delimiter=delimiter), strict=True)]
+            records: Iterable[Sequence[object]] = csv.reader(lines, delimiter=delimiter)
+            if delimiter in AROUND_COMMAS:
+                try:
+                    records = [self._with_points(record, "") for record in records]
+                except NoRowError:
+                    return None
+            fields = [*zip(*records, strict=True)]
             numbers = np.array([[finite_number(text) for text in fields[place]] for place in places]).T
         numbers[~np.isfinite(numbers)] = math.nan
         numbers = np.array([unit.factor for unit in units]) * numbers + np.array([unit.offset for unit in units])
@@ -267,9 +301,6 @@ class _Layout:
                 for k in np.flatnonzero(np.isnan(time)):
                     time[k] = moment_of(fields[self._clock][k], columns.time.unit)
         if fields is not None:
-            strange = np.flatnonzero(np.isnan(time) | np.isnan(values).any(axis=1))
-            if any("," in fields[place][k] for k in strange for place in places):
-                return None
             lost = np.isnan(numbers) if self._clock is None else np.column_stack([np.isnan(time), np.isnan(values)])
             for k, j in np.argwhere(lost):
                 self._texts.add(self._needed[j].header, self._needed[j].role, line + int(k), fields[places[j]][k])
@@ -321,10 +352,10 @@ def _plain_numbers(lines: Sequence[str], delimiter: str, places: Sequence[int]) 
 
 
 def _rows(
-    records: Iterator[tuple[int, Sequence[object]]], columns: Columns, title: str, texts: TextCells
+    records: Iterator[tuple[int, Sequence[object]]], columns: Columns, title: str, texts: TextCells, delimiter: str = ""
 ) -> Iterator[Row]:
     """Turn records into rows; the first record is the header."""
-    layout = _Layout(columns, next(records, (0, ()))[1], title, texts)
+    layout = _Layout(columns, next(records, (0, ()))[1], title, texts, delimiter)
     count = 0
     for count, (line, values) in enumerate(records, start=1):
         yield layout.row(count, line, values)
@@ -356,7 +387,8 @@ class _Body:
     def __init__(self, lines: Lines, columns: Columns, title: str, texts: TextCells) -> None:
         self.lines, self.count, self._title = lines, 0, title
         self._delimiter = delimiter_of(lines, title)
-        self._layout = _Layout(columns, next(records_in(lines, self._delimiter, title), (0, ()))[1], title, texts)
+        header = next(records_in(lines, self._delimiter, title), (0, ()))[1]
+        self._layout = _Layout(columns, header, title, texts, self._delimiter)
         self._texts = texts
 
     def passing_over(self, refuse: Callable[[RecordingError], Iterable[RowBlock]]) -> Iterator[RowBlock]:
@@ -381,7 +413,7 @@ class _Body:
         lines, layout = self.lines, self._layout
         while ahead := lines.ahead():
             plain = _are_plain(ahead, self._delimiter, len(layout.header))
-            block = layout.block(self.count + 1, lines.number + 1, ahead, self._delimiter) if plain else None
+            block = layout.block(self.count + 1, lines.number + 1, ahead) if plain else None
             if block is not None:
                 lines.skip()
                 self.count += len(block)
@@ -529,52 +561,9 @@ def _no_column(column: Column, others: frozenset[str], header: list[str], title:
     return f"{title}: no column {column.header!r} ({column.role}); found: {found}{more}. {advice}"
 
 
-def _csv_records(source: str | Path, title: str) -> Iterator[tuple[int, Sequence[object]]]:
-    """Give (line, fields) of a CSV text, header first."""
+def _csv_rows(source: str | Path, columns: Columns, title: str, texts: TextCells) -> Iterator[Row]:
+    """Turn CSV text into rows, one by one."""
     with reading(title), opened_text(source) as stream:
         lines = Lines(stream, title)
-        yield from records_in(lines, delimiter_of(lines, title), title)
-
-
-def _is_parquet(path: Path) -> bool:
-    """Whether a file says that it is Parquet, by its name or its first bytes."""
-    if path.suffix.lower() in (".parquet", ".pq"):
-        return True
-    if not path.is_file():  # what is read of a pipe is gone
-        return False
-    with reading(str(path)), path.open("rb") as stream:
-        return stream.read(4) == b"PAR1"
-
-
-def _parquet_records(path: Path, columns: Columns) -> Iterator[tuple[int, Sequence[object]]]:
-    """Give (row, fields) of a Parquet file, header first; only needed columns are loaded."""
-    try:
-        import pyarrow  # noqa: PLC0415 - optional
-        import pyarrow.parquet  # noqa: PLC0415 - optional
-    except ImportError as error:
-        raise RecordingError(
-            f"{path}: reading Parquet needs pyarrow. Install it with: pip install 'faultbond[parquet]'"
-        ) from error
-    with reading(str(path)):
-        try:
-            file = pyarrow.parquet.ParquetFile(path)
-            found = file.schema_arrow.names
-            yield 0, found
-            wanted = [column.header for column in columns.needed(found)]
-            number = 0
-            for batch in file.iter_batches(columns=wanted):
-                by_name = {name: _python_values(batch.column(name), pyarrow) for name in wanted}
-                nothing = [None] * batch.num_rows
-                for fields in zip(*(by_name.get(name, nothing) for name in found), strict=True):
-                    number += 1
-                    yield number, fields
-        except (pyarrow.ArrowException, OverflowError, ValueError) as error:  # the latter of values beyond Python's
-            reason = str(error).partition("\n")[0]
-            raise RecordingError(f"{path}: this is not a Parquet file that can be read ({reason}).") from error
-
-
-def _python_values(column: Any, pyarrow: ModuleType) -> list[object]:
-    """Give a Parquet column as Python objects; times are cut to microseconds, which `datetime` can hold."""
-    if pyarrow.types.is_timestamp(column.type):
-        column = column.cast(pyarrow.timestamp("us", tz=column.type.tz), safe=False)
-    return list(column.to_pylist())
+        delimiter = delimiter_of(lines, title)
+        yield from _rows(records_in(lines, delimiter, title), columns, title, texts, delimiter)

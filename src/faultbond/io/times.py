@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from faultbond.model.graph import Unit
 
 WITH_COMMA = re.compile(r"\s*[+-]?\d*,\d+(e[+-]?\d+)?\s*", re.IGNORECASE)  # a number as half of the world writes it
+DAY_FIRST = re.compile(r"([0-9]{1,2})\.([0-9]{1,2})\.([0-9]{4})(?![0-9])")  # a date as that half writes it
 
 
 def finite_number(value: object) -> float:
@@ -33,8 +34,12 @@ def unix_seconds(moment: datetime) -> float:
 
 
 def parse_time(text: str) -> float:
-    """Give Unix seconds of an ISO 8601 time, UTC where no zone is given; ValueError if it is none."""
-    return unix_seconds(datetime.fromisoformat(text.strip()))
+    """Give Unix seconds of an ISO 8601 time, its date perhaps as 31.5.2026; UTC without a zone; ValueError if none."""
+    text = text.strip()
+    if found := DAY_FIRST.match(text):
+        day, month, year = found.groups()
+        text = f"{year}-{month:0>2}-{day:0>2}{text[found.end() :]}"
+    return unix_seconds(datetime.fromisoformat(text))
 
 
 def moment_of(value: object, unit: Unit) -> float:

@@ -182,7 +182,7 @@ static void course_finish(Course *course, const Counts *counts)
 /* Why a recording without any point says nothing. */
 #define NO_TIMES                                                                                                                \
     "standard input: no row has a time that can be read, before the year 9999. Check the column and unit of `time`: seconds, " \
-    "or dates as 2026-05-31 10:00:00, are read; ms and ns need `unit`."
+    "or dates as 2026-05-31 10:00:00 or 31.5.2026 10:00:00, are read; ms and ns need `unit`."
 
 /* How the word for so many of something ends. */
 static const char *plural(int64_t many) { return many == 1 ? "" : "s"; }

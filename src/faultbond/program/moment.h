@@ -1,4 +1,4 @@
-/* Moments as ISO 8601 writes them, in Unix seconds. */
+/* Moments as ISO 8601 writes them, or with the day first, in Unix seconds. */
 #ifndef WATCH_MOMENT_H
 #define WATCH_MOMENT_H
 
@@ -65,18 +65,34 @@ static inline const char *read_week(const char *at, int year, int64_t *days)
     return at;
 }
 
-/* Read YYYY-MM-DD or YYYYMMDD, or the week of a year, as days since 1970; gives where it ends, or NULL where there is no such day. */
+/* Read D.M.YYYY, with one or two digits of day and month; gives where it ends, or NULL where it is of another form. */
+static inline const char *read_day_first(const char *at, int *year, int *month, int *day)
+{
+    at = read_digits(at, 1 + (is_digit(*at) && is_digit(at[1])), day);
+    if (at == NULL || *at++ != '.') return NULL;
+    at = read_digits(at, 1 + (is_digit(*at) && is_digit(at[1])), month);
+    if (at == NULL || *at++ != '.') return NULL;
+    at = read_digits(at, 4, year);
+    return at != NULL && !is_digit(*at) ? at : NULL;
+}
+
+/* Read YYYY-MM-DD or YYYYMMDD, the week of a year, or D.M.YYYY, as days since 1970; gives where it ends, or NULL where there
+   is no such day. */
 static inline const char *read_date(const char *at, int64_t *days)
 {
     static const int BEFORE_MONTH[] = {0, 31, 59, 90, 120, 151, 181, 212, 243, 273, 304, 334, 365};
     int year, month, day;
-    at = read_digits(at, 4, &year);
-    if (at == NULL) return NULL;
-    const int has_dashes = *at == '-';
-    if (at[has_dashes] == 'W') return read_week(at, year, days);
-    at = read_digits(at + has_dashes, 2, &month);
-    if (at == NULL || (has_dashes && *at != '-')) return NULL;
-    at = read_digits(at + has_dashes, 2, &day);
+    const char *const end = read_day_first(at, &year, &month, &day);
+    if (end == NULL) {
+        at = read_digits(at, 4, &year);
+        if (at == NULL) return NULL;
+        const int has_dashes = *at == '-';
+        if (at[has_dashes] == 'W') return read_week(at, year, days);
+        at = read_digits(at + has_dashes, 2, &month);
+        if (at == NULL || (has_dashes && *at != '-')) return NULL;
+        at = read_digits(at + has_dashes, 2, &day);
+    } else
+        at = end;
     if (at == NULL || year < 1 || month < 1 || month > 12 || day < 1) return NULL;
     const int is_leap = (year % 4 == 0 && year % 100 != 0) || year % 400 == 0;
     if (day > BEFORE_MONTH[month] - BEFORE_MONTH[month - 1] + (month == 2 && is_leap)) return NULL;

@@ -204,7 +204,7 @@ static inline int read_plain(Layout *layout, Csv *csv, TableRow *row)
     return 1;
 }
 
-/* Whether a text is a number as half of the world writes it: it would pass for a missing value. */
+/* Whether a text is a number as half of the world writes it. */
 static inline int has_decimal_comma(const char *at)
 {
     const char *before = at;
@@ -226,7 +226,33 @@ static inline int has_decimal_comma(const char *at)
     return !text_says(before);
 }
 
-/* Refuse a row with decimal commas; gives whether it has none. */
+/* Where fields are separated by something else, a comma in a number is its decimal mark: put a point in its place. Gives whether
+   all marks are commas, or all points: one of two may separate thousands. */
+static inline int put_points(const Layout *layout, char *const *fields, int64_t line, char *message)
+{
+    int with_comma = -1, with_point = -1;
+    for (int c = 0; c < N_COLUMNS; c++) {
+        char *const field = layout->place[c] >= 0 ? fields[layout->slot[c]] : NULL;
+        if (field == NULL) continue;
+        if (with_point < 0 && strchr(field, '.') != NULL && isfinite(number_in(field))) with_point = c;
+        if (with_comma < 0 && has_decimal_comma(field)) with_comma = c;
+    }
+    if (with_comma >= 0 && with_point >= 0) {
+        (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: %s is '", CSV_TITLE, (long long)line, COLUMN_SHOWN[with_comma]);
+        text_add(message, MESSAGE_ROOM, text_strip(fields[layout->slot[with_comma]]), SAID_LETTERS);
+        text_add(message, MESSAGE_ROOM, "' and ", SAID_LETTERS);
+        text_add(message, MESSAGE_ROOM, COLUMN_SHOWN[with_point], SAID_LETTERS);
+        text_add(message, MESSAGE_ROOM, " is '", SAID_LETTERS);
+        text_add(message, MESSAGE_ROOM, text_strip(fields[layout->slot[with_point]]), SAID_LETTERS);
+        text_add(message, MESSAGE_ROOM, "'. Decimal commas or points? Write all numbers with one of them.", SAID_LETTERS);
+        return 0;
+    }
+    for (int k = 0; with_comma >= 0 && k < layout->n_wanted; k++)
+        if (fields[k] != NULL && has_decimal_comma(fields[k])) *strchr(fields[k], ',') = '.';
+    return 1;
+}
+
+/* Refuse a row with decimal commas, which would pass for missing values; gives whether it has none. */
 static inline int has_no_commas(const Layout *layout, char *const *fields, int64_t line, char *message)
 {
     for (int c = 0; c < N_COLUMNS; c++) {
@@ -298,6 +324,7 @@ static inline int row_of_record(Layout *layout, Csv *csv, const CsvRecord *recor
     double numbers[N_COLUMNS];
     int is_missing = 0;
     if (!find_fields(layout, csv, record, fields, message)) return CSV_NO_ROW;
+    if (csv->delimiter != ',' && !put_points(layout, fields, csv->lines, message)) return CSV_NO_ROW;
     for (int k = 0; k < layout->n_wanted; k++) numbers[k] = fields[k] != NULL ? number_in(fields[k]) : NAN;
     row->line = csv->lines;
     row->time = numbered_time(layout);

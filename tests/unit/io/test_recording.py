@@ -154,12 +154,20 @@ def test_decimal_commas_are_refused(tmp_path: Path, rows: str, where: int, what:
     assert str(caught.value).startswith(f"{tmp_path / 'rec.csv'}:{where}: {what}. Decimal commas? Write")
 
 
-def test_decimal_commas_between_semicolons_are_refused(tmp_path: Path) -> None:
-    """The way in which a German spreadsheet writes a recording; commas in a column that nobody needs do no harm."""
-    with pytest.raises(RecordingError, match=r"rec.csv:2: 'u' is '-0,5'\. Decimal commas\?"):
-        read(tmp_path, "time;u;level;heat\n1;-0,5;100;20\n")
-    rows = read(tmp_path, "time;u;level;heat;note\n2024-07-01T00:00:00,5;5;100;20;0,5\n")
-    assert rows[0].time == pytest.approx(parse_time("2024-07-01T00:00:00.5"))
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_a_comma_between_other_separators_is_the_decimal_mark(tmp_path: Path, mark: str) -> None:
+    """The way in which a German spreadsheet writes a recording; the day of a date comes first."""
+    rows = "31.5.2026 10:00:00,5;-0,5;1,5e2;,25;1.5\n31.05.2026 10:00:01;1;100;1,2,3;x\n"
+    moments = [parse_time("2026-05-31T10:00:00.5"), parse_time("2026-05-31T10:00:01Z")]
+    wanted = [[moments[0], -0.5, 1.5, 273.4], [moments[1], 1.0, 1.0, math.nan]]
+    assert agree(read(tmp_path, f"time;u;level;heat;note\n{rows}".replace(";", mark)), wanted)
+
+
+def test_commas_and_points_in_one_row_are_refused(tmp_path: Path) -> None:
+    """One of them may separate thousands; in a column that nobody needs they do no harm."""
+    with pytest.raises(RecordingError, match=r"rec\.csv:2: 'u' is '1,234' and 'level' is '0\.5'\. Decimal commas or"):
+        read(tmp_path, "time;u;level;heat\n1;1,234;0.5;20\n")
+    assert flat(read(tmp_path, "time;u;level;heat;note\n1;1;2.5;20;0,5\n")) == [[1.0, 1.0, 0.025, 293.15]]
 
 
 def test_empty_fields_beyond_the_header_are_accepted(tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from faultbond.io.times import finite_number, parse_time
+from faultbond.io.times import finite_number, moment_of, parse_time
+from faultbond.model.graph import Unit
 from faultbond.synthesis.columns_text import columns_text
 from program_reading import KINDS, Kind, Reading, Told, build, program_reads, python_reads
 
@@ -122,6 +123,7 @@ def recording_of(kind: Kind, seed: int, *, with_moments: bool = True) -> bytes:
     if kind.columns.time.optional and random.random() < 0.5:
         header.remove(str(clock))
     delimiter, end = random.choice(",,;\t"), random.choice(["\n", "\n", "\r\n", "\r"])
+    is_comma = delimiter != "," and random.random() < 0.5  # marks of numbers: all commas, or nearly all
     step = (kind.spec.row_time or kind.spec.sample_time or 1.0) / unit
     is_iso, is_odd, jumps = random.random() < 0.2 and with_moments, random.random() < 0.4, random.random() < 0.6
     back, time = random.random() < 0.2, random.choice([0.0, 3.7, 1.75e9])
@@ -149,6 +151,7 @@ def recording_of(kind: Kind, seed: int, *, with_moments: bool = True) -> bytes:
             else:
                 text = _value(random) if is_odd else f"{random.gauss(0.0, 8.0):.6g}"
             before[name] = text
+            text = text.replace(".", ",") if is_comma and random.randrange(200) else text
             fields.append(_quoted(text) if delimiter in text or (is_odd and random.randrange(20) == 0) else text)
         if is_odd and random.randrange(25) == 0:
             others = [
@@ -240,8 +243,10 @@ def test_spoilt_texts_are_read_or_refused_as_by_python(
         (b"t,u,y,z\n0,1,2,3\n", "Name it in the model file"),
         (b"'time,u,y,z\n0,1,2,3\n", "Did you mean ''time'?"),
         (b"a" * 90 + b",b" * 30 + b"\n1\n", " and 11 more"),
-        (b"time;u;y;z\n0;1;2,5;3\n1;1;2;3\n", ":2: 'y' is '2,5'. Decimal commas?"),
-        (b"time;u;y;z\n1;1; -2,5e+3 ;3\n", "'y' is '-2,5e+3'"),
+        (b'time,u,y,z\n0,1,"2,5",3\n1,1,2,3\n', ":2: 'y' is '2,5'. Decimal commas? Write numbers with a point."),
+        (b'time,u,y,z\n1,1," -2,5e+3 ",3\n', "'y' is '-2,5e+3'"),
+        (b"time;u;y;z\n0;1.5; 1,234 ;3\n", ":2: 'y' is '1,234' and 'u' is '1.5'. Decimal commas or points? Write all"),
+        (b"time\tu\ty\tz\n0.5\t1\t2,5\t3\n", ":2: 'y' is '2,5' and 'time' is '0.5'. Decimal commas or points?"),
         (b"time,u,y,z\n1,1,2,3,4\n2,1,2,3\n", ":2: this row has 5 fields, the header 4."),
         (b'time,u,y,z\n0,1,2,3\n"1' + b"\n" * 120 + b'",2,3,4\n', ":3: a quotation mark is opened here"),
         (b"time,u,y,z\n1,2,3,\0\n2,1,2,3\n", ":2: this is not text in UTF-8."),
@@ -271,7 +276,7 @@ def test_what_is_no_recording_is_said_as_by_python(
 @pytest.mark.parametrize(
     ("row", "said"),
     [
-        (b"2;1;2,5;3", "standard input:4: 'y' is '2,5'. Decimal commas? Write numbers with a point."),
+        (b"2;1;2,5;3.5", "standard input:4: 'y' is '2,5' and 'z' is '3.5'. Decimal commas or points? Write all"),
         (b"2;1;2;3;4;5", "standard input:4: this row has 6 fields, the header 4."),
         (b"2;1;\0;3", "standard input:4: this is not text in UTF-8."),
         (b'2;"1\n2";3;\0', "standard input:5: this is not text in UTF-8."),
@@ -291,6 +296,21 @@ def test_a_record_that_is_no_row_is_passed_over_and_counted(
     assert_same(KINDS["plain"], c, python)
     assert (c.message, c.counts.untimed) == ("", 2)
     np.testing.assert_array_equal(c.points, python_reads(KINDS["plain"], without, 5000, monkeypatch).points)
+
+
+def test_a_comma_between_other_separators_is_the_decimal_mark(
+    readings: Compiled, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a spreadsheet writes it where half of the world lives, the day of a date first; two commas are no number."""
+    rows = "31.5.2026 10:00:0{k},25;{k},5;-,5e1; 7 ;1,2,3\n"
+    text = ("time;u;y;z;other\n" + "".join(rows.format(k=k) for k in range(8))).encode()
+    plain = text.replace(b"31.5.2026 ", b"2026-05-31T").replace(b",5;-,5e1", b".5;-5").replace(b",", b".")
+    c, python = readings["plain"].read(text, 5000), python_reads(KINDS["plain"], text, 5000, monkeypatch)
+    assert_same(KINDS["plain"], c, python)
+    assert len(c.points) == 8
+    np.testing.assert_array_equal(c.points, readings["plain"].read(plain, 5000).points)
+    two = readings["plain"].read(text.replace(b"3,5;", b"3,5,5;"), 5000)
+    assert two.counts.missing == c.counts.missing + 1
 
 
 def test_text_in_place_of_numbers_is_told_once_for_each_column(
@@ -449,13 +469,18 @@ def test_moments_are_those_of_python(readings: Compiled) -> None:
         st.datetimes(timezones=st.none() | st.integers(-1439, 1439).map(lambda m: timezone(timedelta(minutes=m)))),
         st.sampled_from(["auto", "hours", "minutes", "seconds", "milliseconds", "microseconds"]),
         st.sampled_from("T _-"),
-        st.booleans(),
+        st.sampled_from(["long", "short", "day first", "day first, two digits"]),
         st.sampled_from(["", "x", " ", "5", ":", "Z", "+1"]),
     )
-    def check(moment: datetime, precision: str, between: str, is_short: bool, more: str) -> None:
+    def check(moment: datetime, precision: str, between: str, form: str, more: str) -> None:
         text = moment.isoformat(sep=between, timespec=precision)
-        if is_short:
+        if form == "short":
             text = text[:10].replace("-", "") + text[10:].replace(":", "")
+        elif form != "long":
+            day, month = (
+                (moment.day, moment.month) if form == "day first" else (f"{moment.day:02}", f"{moment.month:02}")
+            )
+            text = f"{day}.{month}.{moment.year:04}{text[10:]}"
         text = f" {text}{more}"
         try:
             wanted = parse_time(text)
@@ -480,12 +505,17 @@ def test_weeks_are_those_of_python(year: int, readings: Compiled) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["2026-02-29", "1900-02-29", "2024-02-29T24:00", "2024-13-01", "0000-01-01", "2024-1-01"]
+    "text",
+    [
+        *("2026-02-29", "1900-02-29", "2024-02-29T24:00", "2024-13-01", "0000-01-01", "2024-1-01"),
+        *("29.2.2026", "1.13.2024", "31.05.26", "31.5.20261", "031.5.2026", "1.5.", "31/05/2026", "5.31.2026"),
+    ],
 )
 def test_days_that_are_none_are_no_moments(text: str, readings: Compiled) -> None:
     """As 29 February of most years."""
     assert math.isnan(readings["plain"].moment(text.encode()))
-    assert readings["plain"].moment(b"2000-02-29") == 951782400.0
+    assert math.isnan(moment_of(text, Unit("s")))
+    assert readings["plain"].moment(b"2000-02-29") == readings["plain"].moment(b"29.2.2000") == 951782400.0
 
 
 @pytest.mark.parametrize(

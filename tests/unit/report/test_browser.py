@@ -185,12 +185,12 @@ def test_a_narrow_screen_is_not_left(page: Any, recordings: dict[str, Path]) -> 
 
 
 def test_a_bad_recording_is_refused_in_the_words_of_run(page: Any, recordings: dict[str, Path], tmp_path: Path) -> None:
-    """A column that is absent and a decimal comma are told with the name of the file and the line."""
+    """A column that is absent, and decimal commas beside points, are told with the name of the file and the line."""
     cases = {
         "without.csv": ("time,u_in,u_out,pressure\n1,2,3,4\n", "without.csv: no column 'flow' (sensor flow)"),
         "commas.csv": (
-            "time;u_in;u_out;flow;pressure\n0;20;60;1,3e-4;6600\n",
-            "commas.csv:2: 'flow' is '1,3e-4'. Decimal commas?",
+            "time;u_in;u_out;flow;pressure\n0;20;60.5;1,3e-4;6600\n",
+            "commas.csv:2: 'flow' is '1,3e-4' and 'u_out' is '60.5'. Decimal commas or points?",
         ),
         "empty.csv": ("", "empty.csv: it is empty."),
     }
