@@ -213,7 +213,7 @@ def test_the_plots_of_a_report_are_zoomed_together(opened: Callable[[Path], Any]
 
 
 def test_the_plots_of_a_report_are_printed_in_light_colours(opened: Callable[[Path], Any], report: Path) -> None:
-    """A dark page is light on paper, and dark again afterwards."""
+    """A dark page is light on paper, where plots shrink to its width, and dark again afterwards."""
     page = opened(report)
     page.emulate_media(color_scheme="dark")
     page.wait_for_timeout(100)
@@ -221,5 +221,11 @@ def test_the_plots_of_a_report_are_printed_in_light_colours(opened: Callable[[Pa
     dark = page.evaluate(paint)
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     assert page.evaluate(paint) == "#0b5fa5"
+    page.evaluate("living.forEach((plot) => plot.watch.disconnect())")  # nothing is drawn anew on paper
+    page.emulate_media(media="print")
+    page.set_viewport_size({"width": 500, "height": 600})
+    for canvas in page.locator("canvas").all():
+        box = canvas.bounding_box()
+        assert box["width"] < 480 < 5 * box["height"]
     page.evaluate("dispatchEvent(new Event('afterprint'))")
     assert page.evaluate(paint) == dark != "#0b5fa5"
