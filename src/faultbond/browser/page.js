@@ -10,7 +10,7 @@ const COLOURS = 7;
 function byId(id) { return document.getElementById(id); }
 
 // run, its worker; shown: samples that are shown; owed: s of the recording's time that are due; isChosen: a speed is.
-const state = { run: null, worker: null, shown: 0, owed: 0, isPlaying: false, isChosen: false, cursor: null, before: 0, isStale: true };
+const state = { run: null, worker: null, shown: 0, owed: 0, isPlaying: false, isChosen: false, before: 0, isStale: true };
 let charts = [];
 let drawnLast = "";
 let module = null;
@@ -27,12 +27,11 @@ async function begin(name, recording) {
   module ??= await unpacked("module");
   const worker = new Worker(URL.createObjectURL(new Blob([byId("worker").textContent], { type: "text/javascript" })));
   const run = new Run(name, recording.size);
-  Object.assign(state, { run, worker, shown: 0, owed: 0, isPlaying: true, cursor: null, isStale: true });
+  Object.assign(state, { run, worker, shown: 0, owed: 0, isPlaying: true, isStale: true });
   drawnLast = "";
   worker.onmessage = ({ data }) => { if (state.run === run) heard(run, data); };
   worker.onerror = (event) => { if (state.run === run) heard(run, { samples: [], lines: [], share: 1, over: { code: 3, text: event.message } }); };
   worker.postMessage({ module, recording });
-  charts.forEach((chart) => chart.forget());
   byId("source").textContent = name;
   byId("save").hidden = true;
   byId("position").disabled = false;
@@ -289,7 +288,8 @@ function showHeat(diagnosis) {
 const of = (name) => () => state.run.column(name);
 
 function makeCharts() {
-  const sensors = MODEL.sensors.map(({ name, unit }) => new Chart(byId("sensors"), {
+  const made = (place, options) => new Plot(byId(place).appendChild(document.createElement("figure")), { ...options, group: "played" });
+  const sensors = MODEL.sensors.map(({ name, unit }) => made("sensors", {
     title: name, unit,
     lines: [
       { label: "measured", color: "measured", width: 1, values: of(`measured.${name}`) },
@@ -298,32 +298,19 @@ function makeCharts() {
   }));
   sensors.forEach((chart, k) => { chart.sensor = MODEL.sensors[k].name; });
   const statistics = [...MODEL.sensors.map(({ name }) => [`CUSUM of ${name}`, `cusum.${name}`]), ...MODEL.slow.map(({ name, place }) => [name, `slow.${place}`])];
-  const detector = new Chart(byId("detector"), {
-    title: "share of the limit", level: 1, lowest: 0,
+  const detector = made("detector", {
+    title: "share of the limit", levels: [[1, "limit"]], lowest: 0,
     lines: statistics.map(([label, key], k) => ({ label, color: `line${k % COLOURS}`, width: 1.3, values: of(key) })),
   });
   const units = [...new Set(MODEL.inputs.map((item) => item.unit))];
   const inputs = units.map((unit) => {
     const items = MODEL.inputs.filter((item) => item.unit === unit);
     const lines = items.map(({ name }, k) => ({ label: name, color: `line${k % COLOURS}`, stepped: true, values: of(`input.${name}`) }));
-    return new Chart(byId("inputs"), { title: items.length > 1 ? "inputs" : items[0].name, unit, lines });
+    return made("inputs", { title: items.length > 1 ? "inputs" : items[0].name, unit, lines });
   });
   if (!units.length) document.querySelector(".acting").hidden = true;
-  chances = new Chart(byId("chances"), { title: "probability", unit: "%", lowest: 0, highest: 100, isBestFirst: true, lines: [] });
-  charts = [...sensors, chances, detector, ...inputs];
-  charts.forEach(follow);
-}
-
-// Let a plot show values where a pointer is over it.
-function follow(chart) {
-  chart.canvas.addEventListener("pointermove", (event) => {
-    const { area } = chart, { run } = state;
-    if (!area || !run?.count) return;
-    const share = (event.offsetX - area.left) / (area.right - area.left);
-    state.cursor = share >= 0 && share <= 1 ? run.time(0) + share * (run.horizon - run.time(0)) : null;
-    state.isStale = true;
-  });
-  chart.canvas.addEventListener("pointerleave", () => { state.cursor = null; state.isStale = true; });
+  chances = made("chances", { title: "probability", unit: "%", lowest: 0, highest: 100, lines: [] });
+  charts = [...sensors, detector, ...inputs];
 }
 
 // The first sample that is later than a time, among those that there are.
@@ -339,38 +326,28 @@ function sampleAfter(run, time, count) {
 
 function showCharts(run, shown, { detection, diagnosis }) {
   const marks = detection ? [{ time: detection.change_time, label: "onset" }, { time: detection.time, label: "alarm" }] : [];
-  const view = {
-    known: run.count, shown, begin: run.time(0), end: Math.max(run.horizon, run.time(0) + 1e-9), times: run.column("time"),
-    marks, cursor: state.cursor, isClock: isUnix(run.time(0)),
-  };
-  const told = state.cursor == null ? shown - 1 : Math.min(sampleAfter(run, state.cursor, shown), shown) - 1;
-  showChances(run, shown);
-  for (const chart of charts) {
-    const found = diagnosis?.unexplained;
-    chart.shade = found && found.signal === chart.sensor ? [found.since, found.until] : null;
-    chart.draw(view);
-    chart.tell(told);
-  }
+  const view = { shown, begin: run.time(0), end: run.horizon, times: run.column("time"), marks, isClock: isUnix(run.time(0)) };
+  const found = diagnosis?.unexplained;
+  for (const chart of charts) chart.draw({ ...view, shade: found && found.signal === chart.sensor ? [found.since, found.until] : null });
+  showChances(run, view);
 }
 
-let chances, chanceOf = 0;
+let chances;
 
 // Give a line to each of the best candidates: that which is best now, then those that once were most probable.
-function showChances(run, shown) {
-  const diagnoses = run.diagnoses.filter((item) => item.at <= shown);
+function showChances(run, view) {
+  const diagnoses = run.diagnoses.filter((item) => item.at <= view.shown), times = diagnoses.map((item) => item.time);
   byId("chances").parentElement.classList.toggle("is-empty", !diagnoses.length);
-  if (diagnoses.length === chanceOf && diagnoses.length) return;
-  chanceOf = diagnoses.length;
   const peaks = {};
   for (const { chances: found } of diagnoses) for (const [key, chance] of Object.entries(found)) peaks[key] = Math.max(peaks[key] || 0, chance);
   const best = diagnoses.length ? keyOf(diagnoses[diagnoses.length - 1].candidates[0]) : "";
   const leading = Object.keys(peaks).sort((a, b) => (b === best) - (a === best) || peaks[b] - peaks[a]).slice(0, LEADING);
-  const times = diagnoses.map((item) => item.time);
-  const lineOf = (label, color, values, width) => ({ label, color, width, times: () => times, values: () => values, count: () => times.length });
+  const lineOf = (label, color, values, width) => ({ label, color, width, values: () => values });
   const lines = leading.map((key, k) => lineOf(key, `line${k % COLOURS}`, diagnoses.map((item) => 100 * (item.chances[key] || 0)), 2));
   const rest = diagnoses.map((item) => 100 * Math.max(0, 1 - leading.reduce((sum, key) => sum + (item.chances[key] || 0), 0)));
   if (Object.keys(peaks).length > leading.length) lines.push(lineOf("all others", "rest", rest, 1.3));
   chances.name(lines);
+  chances.draw({ ...view, shown: times.length, times });
 }
 
 // ---- what a person does
@@ -420,8 +397,6 @@ function listen() {
     byId("veil").hidden = true;
     takeFile(event.dataTransfer.files[0]);
   });
-  addEventListener("resize", () => { state.isStale = true; });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { paints.clear(); state.isStale = true; });
 }
 
 function offerSpeeds() {

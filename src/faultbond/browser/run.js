@@ -21,22 +21,6 @@ function columnsOfModel() {
   return [...all, ...slow.map((column) => ({ ...column, place: first + column.from }))];
 }
 
-// Numbers that grow in number; `values` has room for more than `count`.
-class Column {
-  constructor() {
-    this.values = new Float64Array(1024);
-    this.count = 0;
-  }
-  add(value) {
-    if (this.count === this.values.length) {
-      const more = new Float64Array(2 * this.count);
-      more.set(this.values);
-      this.values = more;
-    }
-    this.values[this.count++] = value;
-  }
-}
-
 class Run {
   constructor(name, size) {
     this.name = name;
@@ -44,7 +28,7 @@ class Run {
     this.share = 0;               // of it that has been read
     this.plan = columnsOfModel();
     this.width = 2 + MODEL.inputs.length + 4 * MODEL.sensors.length + MODEL.nSlow;
-    this.columns = Object.fromEntries(this.plan.map(({ name: key }) => [key, new Column()]));
+    this.columns = Object.fromEntries(this.plan.map(({ name: key }) => [key, []]));
     this.lines = [];              // records as the program wrote them
     this.detections = [];         // each with `at`, the number of samples that came before it
     this.diagnoses = [];
@@ -52,13 +36,16 @@ class Run {
     this.over = null;             // exit code and words, once the program has ended
   }
 
-  get count() { return this.columns.time.count; }
-  column(name) { return this.columns[name].values; }
-  time(k) { return this.columns.time.values[Math.min(Math.max(k, 0), this.count - 1)]; }
+  get count() { return this.columns.time.length; }
+  column(name) { return this.columns[name]; }
+  time(k) { return this.columns.time[Math.min(Math.max(k, 0), this.count - 1)]; }
 
   takeSamples(numbers) {
     for (let row = 0; row < numbers.length; row += this.width)
-      for (const { name, show, place } of this.plan) this.columns[name].add(show(numbers[row + place]));
+      for (const { name, show, place } of this.plan) {
+        const value = show(numbers[row + place]);
+        this.columns[name].push(isNumber(value) ? value : null); // null is a gap of a plot
+      }
   }
 
   takeLine({ at, text }) {

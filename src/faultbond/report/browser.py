@@ -24,7 +24,7 @@ from faultbond.report.template import page_template
 from faultbond.report.verdict import step_text
 from faultbond.types import FaultKind
 
-SCRIPTS = ("numbers.js", "words.js", "chart.js", "run.js", "page.js")  # in this order they are one script
+SCRIPTS = ("numbers.js", "words.js", "run.js", "page.js")  # in this order, after that of the plots, they are one
 _FOLDER = resources.files("faultbond") / "browser"
 _WORDS = (FaultKind.BIAS, FaultKind.GAIN, FaultKind.STUCK, FaultKind.NOISE)  # what may be wrong with a sensor or input
 _SMALLEST = 9  # level of zlib
@@ -67,10 +67,16 @@ def render_browser_page(
         recording=recording.name if recording else "",
         data=_data(graph, spec, recording),
         packed={"module": _packed(module), "recording": _packed(recording.content) if recording else ""},
-        style=(STATIC / "report.css").read_text(encoding="utf-8") + _text("chart.css") + _text("page.css"),
+        style="".join(map(_static, ("uPlot.min.css", "report.css", "plot.css"))) + _text("page.css"),
+        licence=_static("uPlot.LICENSE"),
         worker=_text("worker.js"),
-        script="\n".join(map(_text, SCRIPTS)),
+        library=_static("uPlot.iife.min.js"),
+        script="\n".join((_static("plot.js"), *map(_text, SCRIPTS))),
     )
+
+
+def _static(name: str) -> str:
+    return (STATIC / name).read_text(encoding="utf-8")
 
 
 def _text(name: str) -> str:

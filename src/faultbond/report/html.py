@@ -17,6 +17,7 @@ from faultbond.report.verdict import RunCounts, RunView, decided_text, fault_pro
 SHOWN = 0.005  # instruments less likely at fault have no number
 CHIPS = 24  # of more instruments only those with a number are named
 STATIC = resources.files("faultbond.report") / "static"
+NUMBERS = resources.files("faultbond") / "browser" / "numbers.js"  # as the plots write them
 
 
 def render_report(
@@ -86,10 +87,10 @@ def render_page(
     return page_template("report", template).render(
         sections=sections,
         data=data,
-        style=static["uPlot.min.css"] + static["report.css"],
+        style=static["uPlot.min.css"] + static["plot.css"] + static["report.css"],
         library=static["uPlot.iife.min.js"],
         licence=static["uPlot.LICENSE"],
-        script=static["report.js"],
+        script="\n".join((NUMBERS.read_text(encoding="utf-8"), static["plot.js"], static["report.js"])),
         **told,
     )
 

@@ -8,10 +8,19 @@ from functools import cache
 from importlib import resources
 from importlib.resources.abc import Traversable
 
-TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+TYPES = {
+    ".html": "text/html",
+    ".css": "text/css",
+    ".js": "text/javascript",
+    ".svg": "image/svg+xml",
+    ".LICENSE": "text/plain",
+}
 SHARED = {  # package -> files
-    "faultbond.report": ("static/report.css",),
-    "faultbond": ("browser/chart.css", "browser/chart.js", "browser/numbers.js"),
+    "faultbond.report": tuple(
+        f"static/{name}"
+        for name in ("report.css", "plot.css", "plot.js", "uPlot.min.css", "uPlot.iife.min.js", "uPlot.LICENSE")
+    ),
+    "faultbond": ("browser/numbers.js",),
 }
 
 

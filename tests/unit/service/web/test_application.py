@@ -18,6 +18,7 @@ from faultbond.service.web.shield import POLICY
 
 LOADED = re.compile(r'(?:src|href)="(static/[^"]+)"')
 LARGEST_LOAD = 200_000  # bytes
+LIBRARY = b"https://github.com/leeoniya/uPlot"  # the comment at its head
 ASSETS = ("tank_1", "tank_2", "tank_3", "tank_4", "motor_1", "motor_2", "motor_3")
 OTHERS = [  # requests that no handler knows, and the status of the answer
     ("GET", "/api/v1/assets/nothing", 404),
@@ -251,8 +252,8 @@ def test_the_page_loads_only_what_is_served(local: Asked) -> None:
     assert imported <= set(page_files())
     assert sum(sizes) + len(text) < LARGEST_LOAD
     assert not re.search(r"<style|style=|\son\w+=|<script(?![^>]*src=)", text)
-    everything = b"".join(item.content for item in page_files().values()).replace(b"http://www.w3.org/", b"")
-    assert not re.search(rb"https?://", everything)
+    everything = b"".join(item.content for item in page_files().values())
+    assert {*re.findall(rb"https?://[^ \"]*", everything)} == {b"http://www.w3.org/2000/svg", LIBRARY}
 
 
 def _imports(name: str) -> list[str]:
@@ -262,8 +263,17 @@ def _imports(name: str) -> list[str]:
 def test_a_shared_file_stands_once() -> None:
     """What other pages use too is served from where it is."""
     own = Path(__file__).parents[4] / "src/faultbond/service/web/static"
-    assert {"report.css", "chart.css", "chart.js", "numbers.js"} <= set(page_files())
-    assert not {"report.css", "chart.css", "chart.js", "numbers.js"} & {item.name for item in own.iterdir()}
+    shared = {"report.css", "plot.css", "plot.js", "uPlot.min.css", "uPlot.iife.min.js", "numbers.js"}
+    assert shared <= set(page_files())
+    assert not shared & {item.name for item in own.iterdir()}
+
+
+def test_the_licence_of_the_library_is_served(local: Asked) -> None:
+    """Who gets uPlot gets its licence, and the page leads to it."""
+    assert '<a href="static/uPlot.LICENSE">' in local("GET", "/").text
+    answer = local("GET", "/static/uPlot.LICENSE")
+    assert answer.headers["content-type"] == "text/plain; charset=utf-8"
+    assert "Permission is hereby granted" in answer.text
 
 
 def test_the_description_is_complete(local: Asked) -> None:

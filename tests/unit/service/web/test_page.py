@@ -252,8 +252,11 @@ def test_samples_come_in(opened: Callable[..., Any], served: Served) -> None:
     page = opened("#/tank_1")
     until(page, "document.querySelector('.range').textContent.startsWith('Now')")
     before = page.inner_text(".range")
+    until(page, INK)
+    page.evaluate("window.kept = [...document.querySelectorAll('.charts canvas')]")
     served.tick()
     until(page, "(before) => document.querySelector('.range').textContent !== before", before)
+    assert page.evaluate("window.kept.every((canvas) => canvas.isConnected)"), "they are drawn on, not made anew"
     facts = page.inner_text("dl.facts")
     assert f"{served.face.now + 1:,}".replace(",", "\u202f") in facts
 
@@ -420,6 +423,37 @@ def test_a_period_of_the_past(opened: Callable[..., Any], served: Served) -> Non
     until(page, "(text) => document.querySelector('.range').textContent !== text", chosen)
     page.keyboard.press("Home")
     until(page, "document.querySelector('.range').textContent.startsWith('Now')")
+    assert page.wrong == []
+
+
+VALUES = """() => [...document.querySelectorAll(".charts figure")].map((figure) =>
+  [...figure.querySelectorAll(".u-series:not(.edge) .u-value")].slice(1).map((value) => value.innerText))"""
+CURSORS = """() => {
+  const lines = [...document.querySelectorAll(".charts .u-cursor-x")];
+  return [...new Set(lines.map((line) => line.style.transform))];
+}"""
+
+
+def test_a_pointer_tells_values_in_all_plots(opened: Callable[..., Any]) -> None:
+    """Where none is, the last values are told; a double click in the past goes back to now."""
+    page = opened("#/tank_2")
+    until(page, f"({VALUES})().flat().length && ({VALUES})().flat().every((value) => /\\d/.test(value))")
+    last = page.evaluate(VALUES)
+    page.locator(".charts canvas").first.scroll_into_view_if_needed()
+    box = page.locator(".charts .u-over").first.bounding_box()
+    page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 50)
+    told = page.evaluate(VALUES)
+    assert all(one != other for one, other in zip(told[:3], last[:3], strict=True))
+    assert len(page.evaluate(CURSORS)) == 1
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 50, steps=4)
+    page.mouse.up()
+    until(page, "document.querySelector('.range').textContent.startsWith('Past')")
+    assert page.evaluate("[...document.querySelectorAll('.u-select')].every((part) => !part.clientWidth)")
+    page.mouse.dblclick(box["x"] + 0.4 * box["width"], box["y"] + 50)
+    until(page, "document.querySelector('.range').textContent.startsWith('Now')")
+    page.mouse.move(5, 5)
+    until(page, f"(last) => JSON.stringify(({VALUES})()) === JSON.stringify(last)", last)
     assert page.wrong == []
 
 
@@ -858,7 +892,7 @@ LABELS = """() => { window.labels = [];
     if (text === "onset" || text === "alarm") window.labels.push([from, from + width, y, this.canvas.clientWidth]);
     fill.call(this, text, x, y);
   };
-  dispatchEvent(new Event("resize")); }"""
+  repaint(); }"""
 
 
 @pytest.mark.parametrize(("onset", "alarm"), [(0, 0), (3, 0), (30, 0), (898, 895), (400, 398)])

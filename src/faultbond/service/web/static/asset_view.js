@@ -31,8 +31,8 @@ class Folds {
 
   panel(name, title, ...content) {
     const heading = make("summary", { on: { click: (event) => { if (!this.narrow.matches) event.preventDefault(); } } }, make("h2", { id: `of-${name}` }, title));
-    const fold = make("details", { class: "fold", on: { toggle: () => { if (fold.open) dispatchEvent(new Event("resize")); } } }, heading, ...content);
-    this.all.push(fold); // plots have a size once they are seen, and are drawn then
+    const fold = make("details", { class: "fold" }, heading, ...content);
+    this.all.push(fold);
     return make("section", { class: `panel ${name}`, "aria-labelledby": `of-${name}` }, fold);
   }
 

@@ -17,20 +17,13 @@ const emptyData = () => ({ time: [], inputs: {}, measured: {}, expected: {}, sd:
 
 export class Trends {
   constructor(place, asset, tell) {
-    Object.assign(this, { place, asset, tell, data: emptyData(), period: null, length: USUAL, cursor: null, charts: [], signals: null, lostSince: null });
+    Object.assign(this, { place, asset, tell, data: emptyData(), period: null, length: USUAL, charts: [], signals: null, lostSince: null });
     this.wanted = 0;
     this.build();
-    this.redraw = () => this.later();
-    addEventListener("resize", this.redraw);
-    this.dark = matchMedia("(prefers-color-scheme: dark)");
-    this.repaint = () => { paints.clear(); this.later(); };
-    this.dark.addEventListener("change", this.repaint);
-    paints.clear();
   }
 
   stop() {
-    removeEventListener("resize", this.redraw);
-    this.dark.removeEventListener("change", this.repaint);
+    this.charts.forEach((chart) => chart.remove());
     this.asking?.abort();
     cancelAnimationFrame(this.wanted);
   }
@@ -114,7 +107,6 @@ export class Trends {
     try {
       const told = await curves(this.asset, { begin, end, most: MOST }, asking.signal);
       if (this.asking !== asking) return;
-      for (const group of GROUPS) for (const [name, line] of Object.entries(told[group])) told[group][name] = line.map((value) => value ?? NaN);
       this.data = told;
       this.usual = stepOf(told.time);
       if (!this.period) for (const points of this.coming) this.append(points);
@@ -144,8 +136,8 @@ export class Trends {
     const known = data.time.length ? data.time[data.time.length - 1] : -Infinity;
     points.time.forEach((time, k) => {
       if (time <= known) return;
-      if (this.usual && time - (data.time[data.time.length - 1] ?? time) > GAP * this.usual) this.addRow(time - this.usual / 2, () => NaN);
-      this.addRow(time, (group, name) => points[group]?.[name]?.[k] ?? NaN);
+      if (this.usual && time - (data.time[data.time.length - 1] ?? time) > GAP * this.usual) this.addRow(time - this.usual / 2, () => null);
+      this.addRow(time, (group, name) => points[group]?.[name]?.[k] ?? null);
     });
     this.usual ||= stepOf(data.time);
     this.forget();
@@ -157,7 +149,7 @@ export class Trends {
     for (const group of GROUPS) {
       for (const name of this.names(group)) {
         const line = data[group][name] ??= [];
-        while (line.length < length - 1) line.push(NaN);
+        while (line.length < length - 1) line.push(null);
         line.push(value(group, name));
       }
     }
@@ -194,10 +186,13 @@ export class Trends {
 
   plots(signals) {
     this.signals = signals;
+    this.charts.forEach((chart) => chart.remove());
     this.charts = [];
     const place = document.createDocumentFragment();
     const of = (group, name) => () => this.data[group][name] ?? [];
-    const add = (options) => { this.charts.push(new Chart(place, options)); };
+    const add = (options) => this.charts.push(new Plot(place.appendChild(make("figure")), {
+      ...options, group: "trends", chosen: (from, to) => this.look(from, Math.max(to, from + SHORTEST)), back: () => this.follow(this.length),
+    }));
     const sensors = signals.filter((item) => item.role === "sensor"), inputs = signals.filter((item) => item.role === "input");
     for (const { name, unit } of sensors) {
       add({ title: name, unit, lines: [
@@ -205,43 +200,13 @@ export class Trends {
         { label: "expected ± 2 sd", color: "expected", width: 1.6, values: of("expected", name), sd: of("sd", name) },
       ] });
     }
-    add({ title: "detector", unit: "share of its limit", level: 1, lowest: 0,
-      lines: sensors.map(({ name }, k) => ({ label: name, color: `line${k % COLOURS}`, width: 1.3, values: () => (this.data.cusum[name] ?? []).map((value) => value / this.limit) })) });
+    add({ title: "detector", unit: "share of its limit", levels: [[1, "limit"]], lowest: 0,
+      lines: sensors.map(({ name }, k) => ({ label: name, color: `line${k % COLOURS}`, width: 1.3, values: () => (this.data.cusum[name] ?? []).map((value) => value == null ? null : value / this.limit) })) });
     for (const unit of new Set(inputs.map((item) => item.unit))) {
       const same = inputs.filter((item) => item.unit === unit);
       add({ title: same.length > 1 ? "inputs" : same[0].name, unit, lines: same.map(({ name }, k) => ({ label: name, color: `line${k % COLOURS}`, stepped: true, values: of("inputs", name) })) });
     }
-    this.charts.forEach((chart) => this.listen(chart));
     return [...place.childNodes];
-  }
-
-  // A pointer shows values; dragging it chooses a period, a double click goes back to now.
-  listen(chart) {
-    const { canvas } = chart;
-    const timeAt = (event) => {
-      const { left, right } = chart.area, [begin, end] = this.window();
-      return begin + Math.min(Math.max((event.offsetX - left) / (right - left), 0), 1) * (end - begin);
-    };
-    canvas.addEventListener("pointerdown", (event) => {
-      if (!chart.area || event.button || event.pointerType === "touch") return;
-      this.dragged = { chart, from: timeAt(event) };
-      canvas.setPointerCapture(event.pointerId);
-    });
-    canvas.addEventListener("pointermove", (event) => {
-      if (!chart.area) return;
-      this.cursor = timeAt(event);
-      this.later();
-    });
-    canvas.addEventListener("pointerup", (event) => {
-      if (!this.dragged) return;
-      const [from, to] = [this.dragged.from, timeAt(event)].sort((one, other) => one - other), [begin, end] = this.window();
-      this.dragged = null;
-      if (to - from > 0.01 * (end - begin)) this.look(from, Math.max(to, from + SHORTEST));
-      this.later();
-    });
-    canvas.addEventListener("pointercancel", () => { this.dragged = null; this.later(); });
-    canvas.addEventListener("pointerleave", () => { this.cursor = null; this.later(); });
-    canvas.addEventListener("dblclick", () => this.follow(this.length));
   }
 
   later() {
@@ -250,16 +215,8 @@ export class Trends {
 
   draw() {
     const { data, period } = this, [begin, end] = this.window(), count = data.time.length;
-    const marks = [...(this.marks ?? [])];
-    const view = { known: count, shown: count, begin, end: Math.max(end, begin + 1e-9), times: data.time, marks, cursor: this.cursor, isClock: isUnix(end) };
-    const told = this.cursor == null ? count - 1 : placeOf(data.time, this.cursor);
     this.areas.hidden = this.newest == null; // without a sample there is no time to draw an axis of
-    for (const chart of this.charts) {
-      chart.forget();
-      chart.shade = this.dragged ? [this.dragged.from, this.cursor ?? this.dragged.from].sort((one, other) => one - other) : null;
-      chart.draw(view);
-      chart.tell(told);
-    }
+    for (const chart of this.charts) chart.draw({ times: data.time, begin, end, marks: this.marks, isClock: isUnix(end) });
     this.live.disabled = !period;
     const state = period ? "Past" : this.lostAt != null || !this.isWatched ? "Last known" : "Now";
     const text = count ? `${state}: ${clockText(Math.round(begin))} to ${clockText(Math.round(end))}` : this.newest == null ? "No sample has come yet" : "No samples in this period";
@@ -281,50 +238,25 @@ function stepOf(times) {
   return steps[steps.length >> 1];
 }
 
-// The place of the last time that is not later.
-function placeOf(times, time) {
-  let low = 0, high = times.length;
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (times[middle] <= time) low = middle + 1;
-    else high = middle;
-  }
-  return low - 1;
-}
-
 // The probability of the candidates over time.
 export class Chances {
   constructor(place) {
-    this.chart = new Chart(place, { title: "probability", unit: "%", lowest: 0, highest: 100, isBestFirst: true, lines: [] });
-    this.redraw = () => this.draw();
-    addEventListener("resize", this.redraw);
-    this.dark = matchMedia("(prefers-color-scheme: dark)");
-    this.dark.addEventListener("change", this.redraw);
+    this.chart = new Plot(place.appendChild(make("figure")), { title: "probability", unit: "%", lowest: 0, highest: 100, lines: [] });
   }
 
   stop() {
-    removeEventListener("resize", this.redraw);
-    this.dark.removeEventListener("change", this.redraw);
+    this.chart.remove();
   }
 
-  show({ time, names, probability }, marks) {
-    this.times = time;
-    this.marks = marks;
-    const percent = (line) => line.map((value) => 100 * (value ?? NaN));
-    const lineOf = (label, color, values, width) => ({ label, color, width, times: () => time, values: () => values, count: () => time.length });
+  show({ time, names, probability }) {
+    if (!time.length) return;
+    const percent = (line) => line.map((value) => value == null ? null : 100 * value);
+    const lineOf = (label, color, values, width) => ({ label, color, width, values: () => values });
     const lines = names.slice(0, LEADING).map((name, k) => lineOf(name, `line${k % COLOURS}`, percent(probability[k]), 2));
     const rest = time.map((_, k) => 100 * Math.max(0, 1 - probability.slice(0, LEADING).reduce((sum, line) => sum + (line[k] ?? 0), 0)));
     if (rest.some((value) => value > 0.5)) lines.push(lineOf("all others", "rest", rest, 1.3));
     this.chart.name(lines);
-    this.draw();
-  }
-
-  draw() {
-    paints.clear();
-    const { times } = this;
-    if (!times?.length) return;
-    const [begin, end] = [times[0], Math.max(times[times.length - 1], times[0] + 1)];
-    this.chart.draw({ known: times.length, shown: times.length, begin, end, times, marks: [], cursor: null, isClock: isUnix(end) });
-    this.chart.tell(times.length - 1);
+    const [begin, last] = [time[0], time[time.length - 1]];
+    this.chart.draw({ times: time, begin, end: Math.max(last, begin + 1), marks: [], isClock: isUnix(last) });
   }
 }
