@@ -1,5 +1,5 @@
 /* Filters on their way: one lane, or a block of lanes side by side, over samples. Parameters whose drift was accepted move
-   on before each sample. */
+   on before each sample. Formulas: docs/method.md, "The bank". */
 #ifndef FB_ADVANCE_H
 #define FB_ADVANCE_H
 
@@ -33,8 +33,8 @@ static int drifts(const Normal *normal)
     return 0;
 }
 
-/* Let parameters of a lane drift for dt seconds; `n_joint`: length of its z. None leaves its range, goes farther than
-   FARTHEST_DRIFT, or becomes less certain than that: after a gap without end one without a range would be anywhere, with a
+/* Let parameters of a lane drift for dt seconds; `n_joint`: length of its z. None leaves its range, goes farther in them than
+   FARTHEST_DRIFT, or becomes less certain than that: after a step without end one without a range would be anywhere, with a
    variance of 1e30 and more, of which rounding alone is more than the readings then leave of it. */
 static void drift_on(const Normal *normal, double dt, lanes *lane, int n_joint)
 {

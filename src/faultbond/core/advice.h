@@ -9,7 +9,7 @@
    Parts are components, sensors and inputs, numbered as in `EngineSpec.parts`; tables of parts, inputs and signals: _COST,
    and _ORDER, which comes first of checks that are worth the same. INPUT_MOVE: by how much an input may be moved, SI; nan:
    the model file does not say. INPUT_HAS_ZERO: 0 where it is a value like any other, as in degC. INPUT_FITTED_LOW and _HIGH:
-   where it was in the recordings of a fit, SI. */
+   where it was in the recordings of a fit, SI. Formulas: docs/method.md, "Ranking". */
 #ifndef FB_ADVICE_H
 #define FB_ADVICE_H
 
@@ -84,7 +84,7 @@ static const double *inputs_now(const State *state) { return state->clock.outsid
 
 /* A sample without measurements while inputs that are `now` are `held`, `length` samples after the one before, and the last of
    `t` from now on; what settles first is not counted. */
-static void pack_ahead(const double *now, const double *held, int64_t t, int64_t length, double *packed)
+static void pack_ahead(const double *now, const double *held, const Normal *normal, int64_t t, int64_t length, double *packed)
 {
     memset(packed, 0, N_SAMPLE * sizeof *packed);
     packed[SAMPLE_DT] = (double)length * step_ahead();
@@ -103,7 +103,7 @@ static void pack_ahead(const double *now, const double *held, int64_t t, int64_t
         for (int e = DIRECT_ROW[j]; e < DIRECT_ROW[j + 1]; e++)
             if (held[DIRECT_INPUT[e]] != now[DIRECT_INPUT[e]])
                 blank = larger(blank, INPUT_SETTLING[DIRECT_INPUT[e]]);
-        packed[SAMPLE_SCALE + j] = (double)t <= ceil(blank / step_ahead()) ? BLANK_FACTOR : 1.0;
+        packed[SAMPLE_SCALE + j] = (double)t <= ceil(blank / step_ahead()) ? BLANK_FACTOR : normal->noise[j];
     }
 }
 
@@ -127,11 +127,13 @@ static double told_by(const Rivals *rivals, int64_t r, int64_t k)
 }
 
 /* Add how far two rivals are apart at the last sample, which stands for so many. A prediction's own uncertainty is what its
-   variance is beyond the noise; what is no number counts as nothing, or as wholly uncertain. */
+   variance is beyond the noise; what is no number counts as nothing, or as wholly uncertain. A sensor out of use tells nothing. */
 static void add_apart(int64_t r, int64_t other, double count, Rivals *rivals)
 {
     for (int j = 0; j < N_OUTPUTS; j++) {
-        const double noise = OUTPUT_VARIANCE[j] * rivals->sample[SAMPLE_SCALE + j];
+        const double usual = 0.5 * (noise_at(j, told_by(rivals, r, j)) + noise_at(j, told_by(rivals, other, j)));
+        const double noise = usual * rivals->sample[SAMPLE_SCALE + j];
+        if (isinf(rivals->sample[SAMPLE_SCALE + j])) continue;
         const double apart = fabs(told_by(rivals, r, j) - told_by(rivals, other, j)) / sqrt(noise);
         const double variance = told_by(rivals, r, N_OUTPUTS + j) + told_by(rivals, other, N_OUTPUTS + j);
         const double own = variance / noise - 2.0; /* each of both has the noise */
@@ -176,7 +178,7 @@ static int64_t part_ahead(const State *state, const Diagnosis *found, int64_t *g
     int64_t passed = 0;
     for (int step = 0; step < N_AHEAD; step++) {
         passed += AHEAD_LENGTH[step];
-        pack_ahead(inputs_now(state), rivals->held, passed, AHEAD_LENGTH[step], rivals->sample);
+        pack_ahead(inputs_now(state), rivals->held, &state->normal, passed, AHEAD_LENGTH[step], rivals->sample);
         advance_rivals(&state->normal, rivals, filters);
         for (int64_t r = 0; r < rivals->n; r++)
             for (int64_t other = 0; other < r; other++) add_apart(r, other, (double)AHEAD_LENGTH[step], rivals);

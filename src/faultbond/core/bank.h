@@ -63,7 +63,7 @@ static void advance_bank(State *state, const double *packed, double old, BankMem
     if (!IS_OUTSIDE(packed))
         hand_on(bank, slots_begun(&state->job), state->clock.index > state->clock.alarm + AWAITED, state->clock.index,
                 state->clock.time, old, &memory->slots);
-    advance_slots(bank, slots_begun(&state->job), state->clock.index - state->clock.alarm, packed, &state->normal,
+    advance_slots(bank, slots_begun(&state->job), since_alarm(state), packed, &state->normal,
                   memory->innovations[0] + N_STEPS, FB_ROOM(N_LANES), &filters->wide, &memory->slots);
     advance_couples(bank, packed, &state->normal, memory->innovations[0] + N_STEPS + N_SLOT_LANES, FB_ROOM(N_LANES), &filters->wide,
                     &memory->slots);

@@ -12,7 +12,7 @@
    store, with its content going on, each of both in turn: without its jump the likeliest base may be one that follows the jump,
    as a drift does. Of what is no store the third has a kind that none of the others has, at each renewal the next one: a base
    says how well it explains the data while the parameter is healthy, and a wrong gain may say least of all where it is true. A
-   lane that is begun again keeps what is likelier. */
+   lane that is begun again keeps what is likelier. Formulas: docs/method.md, "The bank". */
 #ifndef FB_COUPLES_H
 #define FB_COUPLES_H
 
@@ -190,18 +190,6 @@ static int64_t still_slot(Bank *bank, int64_t instrument, int other)
     return best;
 }
 
-/* What the sums of a lane, steps first, leave to explain at a sensor, nats: s over n samples is worth n (k + s / n)^2 / 2. */
-static double left_at(const Bank *bank, int64_t lane, int output, int64_t index)
-{
-    double most = 0.0;
-    for (int side = 0; side < 2 && output >= 0; side++) {
-        const double sum = bank->sums[side][output][lane];
-        const double n = (double)index - bank->since[side][output][lane];
-        if (sum > 0.0 && n > 0.0) most = fmax(most, 0.5 * n * (CUSUM_DRIFT + sum / n) * (CUSUM_DRIFT + sum / n));
-    }
-    return most;
-}
-
 /* Let a couple of a sensor count by what the best step of the parameter alone says, and what that leaves to explain at the sensor,
    if that is more; then the sensor is off beside the parameter where that step has it. A sensor that is off by itself, beside a load
    that is heavier, has made of it what the closed form does not undo. */
@@ -210,7 +198,7 @@ static void match_single(Bank *bank, int64_t index, Match *match)
     const int64_t set = single_of(COUPLE_PARAMETER[match->couple]), instrument = COUPLE_SLOT[match->couple];
     const int64_t lane = set < 0 ? -1 : likeliest_lane(bank, set), slot = still_slot(bank, instrument, 0);
     if (lane < 0 || slot < 0 || SLOT_OUTPUT[slot] < 0 || match->base[0] < 0) return;
-    const double said = likelihood_or_none(bank, lane) + SLOT_WEIGHT[slot] + left_at(bank, lane, SLOT_OUTPUT[slot], index);
+    const double said = likelihood_or_none(bank, lane) + SLOT_WEIGHT[slot] + left_at(bank, lane, SLOT_OUTPUT[slot], 0.0, index);
     if (!(said > match->said[0])) return;
     match->said[0] = said;
     match->base[1] = slot; /* the second lane begins where the step does */
@@ -229,7 +217,7 @@ static void match_instruments(Bank *bank, int64_t index, Match *match)
             const int64_t lane = still_slot(bank, both[one], kind);
             if (lane < 0 || other < 0) continue;
             const double said = likelihood_of_slot(bank, lane) + SLOT_WEIGHT[lane] + SLOT_WEIGHT[other] +
-                                left_at(bank, N_STEPS + lane, SLOT_OUTPUT[other], index);
+                                left_at(bank, N_STEPS + lane, SLOT_OUTPUT[other], 0.0, index);
             if (said > match->said[0]) match->said[0] = said;
         }
     }
@@ -421,8 +409,8 @@ static void note_couples(Bank *bank, double elapsed, Job *job)
         const int64_t from = bank->base[lane] == base ? N_SLOT_LANES + lane : base;
         job->begins[l] = bank->onset[N_STEPS + from];
         if (part_of_lane(lane) != LIKELIEST) job->begins[l] = onset_of_single(bank, parameter_of(bank, lane), job->begins[l]);
-        job->found[l][1] = beside_of(bank, lane, base) < 0 ? of_slot(bank, from, AT_SLOT + 1) : 0.0;
-        job->found[l][0] = of_slot(bank, from, AT_SLOT) - job->found[l][1] * elapsed;
+        const double rate = beside_of(bank, lane, base) < 0 ? of_slot(bank, from, AT_SLOT + 1) : 0.0;
+        note_slot(base, of_slot(bank, from, AT_SLOT), rate, elapsed, job->found[l]);
     }
 }
 
@@ -474,11 +462,8 @@ static void fill_couples(const Bank *bank, const Trail *trail, int64_t onset, co
         widen(plain, SLOT_OLD[base] ? start->old : start->wide);
         const int from_found = is_of_found(base) && is_again(bank, job, lane);
         begin_slot(from_found && SLOT_KIND[base] == KIND_BIAS ? widest_slot(base) : base, trail, job->peak, start, job->run, l);
+        if (from_found) begin_at_found(base, job->found[l], elapsed, job->run, l);
         if (beside >= 0) begin_beside(beside, job->peak, job->run, l);
-        if (from_found) {
-            job->run[AT_SLOT][l] = job->found[l][0] - job->found[l][1] * elapsed;
-            if (beside < 0) job->run[AT_SLOT + 1][l] = job->found[l][1];
-        }
         if (start->all_along) go_along(base, trail, onset, job->run, l);
     }
 }

@@ -3,7 +3,7 @@
    An accepted candidate becomes the healthy model: its lane goes on as the healthy filter, what is wrong with an
    instrument is corrected from then on, and the alarms are on again. One that was repaired is as it was declared instead, and
    the others are as they were known before it. A rejected one is out until the next alarm, and with it all sets that contain
-   it: that all of a set are at fault is claimed by each of these too. */
+   it: that all of a set are at fault is claimed by each of these too. Formulas: docs/method.md, "The bank". */
 #ifndef FB_DECIDE_H
 #define FB_DECIDE_H
 
@@ -89,6 +89,25 @@ static void absorb_sensor(State *state, int j, int64_t kind, double size, double
     }
 }
 
+/* What is known of input k by its records, which become `gain` times what they were plus `offset`: what acts is not changed by
+   knowing of it. For how long they were the same as long as they were wrong tells nothing of healthy ones. */
+static void change_records(Inputs *inputs, int k, double gain, double offset)
+{
+    inputs->held[k] = gain * inputs->held[k] + offset;
+    for (int m = 0; m < N_SMOOTH; m++)
+        for (int t = 0; t < TRENDS && NOISY[SMOOTH_NOISE[m]] == k; t++) {
+            inputs->trends[m][t][TREND_LEVEL] = gain * inputs->trends[m][t][TREND_LEVEL] + offset;
+            inputs->trends[m][t][TREND_SLOPE] *= gain;
+        }
+#if N_NOISY > 0
+    for (int n = 0; n < N_NOISY; n++) {
+        if (NOISY[n] != k) continue;
+        inputs->record[n] = gain * inputs->record[n] + offset;
+        inputs->still[n] = 0.0;
+    }
+#endif
+}
+
 /* Make what a lane of the plan is about part of the plant or its instruments, of this kind, size and rate: a parameter becomes
    what it and the slot add up to, and goes on as it drifts. */
 static void absorb(State *state, int64_t slot, int64_t kind, double size, double rate, double estimate)
@@ -96,17 +115,18 @@ static void absorb(State *state, int64_t slot, int64_t kind, double size, double
     const int parameter = SLOT_PARAMETER[slot], input = SLOT_INPUT[slot];
     if (parameter >= 0 && kind == KIND_DRIFT) {
         state->normal.rates[parameter] += rate;
-        state->normal.wander[parameter] = fabs(ACCEPTED_WANDER * rate);
+        state->normal.wander[parameter] = fabs(ACCEPTED_WANDER * state->normal.rates[parameter]);
     } else if (input >= 0 && SLOT_STICKS[slot]) {
         state->normal.input_gain[input] = 0.0;
-        state->normal.input_offset[input] = state->inputs.held[input] = size;
+        state->normal.input_offset[input] = size;
+        change_records(&state->inputs, input, 0.0, size);
     } else if (input >= 0 && SLOT_SCALES[slot]) {
         state->normal.input_gain[input] *= 1.0 + size;
         state->normal.input_offset[input] += size * (state->normal.input_offset[input] - INPUT_ZERO[input]);
-        state->inputs.held[input] += size * (state->inputs.held[input] - INPUT_ZERO[input]);
+        change_records(&state->inputs, input, 1.0 + size, -size * INPUT_ZERO[input]);
     } else if (input >= 0 && SLOT_ACTS[slot]) {
         state->normal.input_offset[input] += size;
-        state->inputs.held[input] += size; /* what acts is not changed by knowing of it */
+        change_records(&state->inputs, input, 1.0, size);
     } else if (parameter < 0 && SLOT_ACTS[slot]) {
         absorb_sensor(state, SLOT_OUTPUT[slot], SLOT_SCALES[slot] && kind == KIND_RAMP ? KIND_GAIN : kind, size, estimate);
     }
@@ -156,8 +176,8 @@ static void renew_instrument(State *state, int64_t slot)
         normal->offset[output] = 0.0;
     }
     if (input >= 0) {
-        if (normal->input_gain[input] != 0.0)
-            state->inputs.held[input] = (state->inputs.held[input] - normal->input_offset[input]) / normal->input_gain[input];
+        const double gain = normal->input_gain[input] != 0.0 ? normal->input_gain[input] : 1.0; /* where one stuck it may stay */
+        change_records(&state->inputs, input, 1.0 / gain, normal->input_gain[input] != 0.0 ? -normal->input_offset[input] / gain : 0.0);
         normal->input_gain[input] = 1.0;
         normal->input_offset[input] = 0.0;
     }

@@ -1,5 +1,5 @@
 /* What a lane has found: values of its suspects with their standard deviations, in SI, and when a drift reaches a
-   limit. */
+   limit. Formulas: docs/method.md, "The bank". */
 #ifndef FB_ESTIMATES_H
 #define FB_ESTIMATES_H
 
@@ -67,26 +67,27 @@ static void no_suspect(Suspect *suspect)
     suspect->nominal = suspect->rate = suspect->rate_sd = suspect->began = suspect->ended = suspect->stopped = NAN;
 }
 
-/* A parameter as a lane of steps has it. */
-static void step_suspect(const Bank *bank, int64_t lane, int parameter, Suspect *suspect)
+/* Number i of a lane, and a covariance of it: of steps, or with a slot. */
+static double number_in(const Bank *bank, int64_t lane, int64_t i)
 {
-    const int k = AT_PARAMETERS + parameter;
-    no_suspect(suspect);
-    suspect->parameter = parameter;
-    suspect->nominal = NOMINAL[parameter];
-    suspect->estimate = SCALE[parameter] * of_step(bank, lane, k);
-    suspect->sd = fabs(SCALE[parameter]) * root_of(of_step(bank, lane, PLAIN_PLACE(k, k)));
+    return lane < N_STEPS ? of_step(bank, lane, i) : of_slot(bank, lane - N_STEPS, i);
 }
 
-/* A parameter beside the slot of a lane, as it has it. */
-static void suspect_beside(const Bank *bank, int64_t lane, int parameter, Suspect *suspect)
+static double covariance_in(const Bank *bank, int64_t lane, int64_t i, int64_t j)
+{
+    const int64_t a = i < j ? i : j, b = i < j ? j : i;
+    return lane < N_STEPS ? of_step(bank, lane, PLAIN_PLACE(a, b)) : of_slot(bank, lane - N_STEPS, WIDE_PLACE(a, b));
+}
+
+/* A parameter as a lane has it: of steps, or beside a slot. */
+static void parameter_suspect(const Bank *bank, int64_t lane, int parameter, Suspect *suspect)
 {
     const int k = AT_PARAMETERS + parameter;
     no_suspect(suspect);
     suspect->parameter = parameter;
     suspect->nominal = NOMINAL[parameter];
-    suspect->estimate = SCALE[parameter] * of_slot(bank, lane, k);
-    suspect->sd = fabs(SCALE[parameter]) * root_of(of_slot(bank, lane, WIDE_PLACE(k, k)));
+    suspect->estimate = SCALE[parameter] * number_in(bank, lane, k);
+    suspect->sd = fabs(SCALE[parameter]) * root_of(covariance_in(bank, lane, k, k));
 }
 
 /* The bias of an instrument beside the slot of a lane, as it has it. */

@@ -1,6 +1,7 @@
 /* Values that a fault cannot have. `range` bounds what may be the answer, the scatter of an estimate allowed for: that of the
    lane, and the declared accuracy. A hypothesis whose value lies beyond by more than that tells of something else, and is as
-   much less likely: its likelihood is multiplied by the part of what it says that lies within the range. */
+   much less likely: its likelihood is multiplied by the part of what it says that lies within the range. Formulas:
+   docs/method.md, "Ranking". */
 #ifndef FB_FAULT_RANGE_H
 #define FB_FAULT_RANGE_H
 

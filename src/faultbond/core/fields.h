@@ -41,11 +41,11 @@ static const Field FIELDS[] = {
     ENDLESS(inputs.leap), POSITIVE(inputs.guessed), FRACTION(inputs.habit), ENDLESS(inputs.since_step),
     ANYTHING(inputs.change), FIELD(inputs.true_for, -1.0, INFINITY, 0, 0, 1), ANYTHING(inputs.trends), POSITIVE(inputs.rough),
 #if N_NOISY > 0
-    COUNTED(inputs.still), COUNTED(inputs.stood), COUNTED(inputs.turns), COUNTED(inputs.idle), FINITE(inputs.since),
+    MISSING(inputs.record), COUNTED(inputs.still), COUNTED(inputs.stood), COUNTED(inputs.turns), COUNTED(inputs.idle), FINITE(inputs.since),
     FIELD(inputs.way, -1.0, 1.0, 0, 0, 0),
 #endif
     MISSING(inputs.inside), MISSING(inputs.odd), NUMBER(inputs.odd_since), ANYTHING(inputs.rival), FINITE(inputs.gain),
-    ANYTHING(refused), REACHING(sensors.shown), POSITIVE(sensors.spent), POSITIVE(sensors.nis), FINITE(sensors.mean), POSITIVE(sensors.run), POSITIVE(sensors.cusum),
+    ANYTHING(refused), REACHING(sensors.shown), POSITIVE(sensors.spent), FRACTION(sensors.surprised), POSITIVE(sensors.nis), FINITE(sensors.mean), POSITIVE(sensors.run), POSITIVE(sensors.cusum),
     FIELD(sensors.cusum_start, -1.0, LARGEST_COUNT, 0, 0, 0), POSITIVE(sensors.fast), POSITIVE(sensors.scatter),
     FIELD(sensors.scatter_start, -1.0, LARGEST_COUNT, 0, 0, 0), MISSING(sensors.before),
     ANYTHING(healthy.lane), REACHING(healthy.travel), ENDLESS(healthy.astray), POSITIVE(healthy.windows),

@@ -2,7 +2,10 @@
 
    Extended Kalman filter; covariance as a packed triangle, which cannot become asymmetric; measurements one at a time,
    so that no matrix is inverted. A lane holds z, the triangle, the implicit signals, the roles of the slot, and the
-   logarithm of its likelihood. `filters.h` includes this text for each kind of lanes, and says what the names stand for. */
+   logarithm of its likelihood. `filters.h` includes this text for each kind of lanes, and says what the names stand for.
+   Source: Bierman, Factorization Methods for Discrete Sequential Estimation, 1977 (one measurement at a time, a triangle);
+   Bell and Cathey, IEEE Trans. Automatic Control 38 (1993) 294 (a measurement linearised twice). Formulas: docs/method.md,
+   "The joint filter". */
 
 typedef struct {
     lanes y[N_OUTPUTS];             /* readings expected */

@@ -228,6 +228,7 @@ static mask watch_usually(Watched *watched, const Sample *told, int64_t index, m
     filter_step_beside(watched->healthy.lane, packed, innovations, &memory->filter);
     mask done = may & (gap == 0.0) & opposite(is_surprising(sensors, packed, innovations)) & is_sound(watched->healthy.lane);
     see(sensors, packed);
+    sensors->surprised = broadcast(0.0);
     accumulate(clock, inputs, &watched->healthy, sensors, packed, innovations);
     learn_travel(&watched->healthy);
     judge_walks(index, clock, inputs, NULL, &watched->healthy, memory->walks);

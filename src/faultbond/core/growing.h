@@ -35,6 +35,19 @@ typedef struct {
 
 FB_SELDOM
 
+/* What the sums of a lane, steps first, leave to explain at a sensor, nats: s over n samples is worth n (k + s / n)^2 / 2. output -1:
+   it is none. `least`: what a sum says that counts. */
+static double left_at(const Bank *bank, int64_t lane, int output, double least, int64_t index)
+{
+    double most = 0.0;
+    for (int side = 0; side < 2 && output >= 0; side++) {
+        const double sum = bank->sums[side][output][lane];
+        const double n = fmax((double)index - bank->since[side][output][lane], 1.0), shift = CUSUM_DRIFT + sum / n;
+        if (sum > least) most = fmax(most, 0.5 * n * shift * shift);
+    }
+    return most;
+}
+
 /* What one more suspect would add to the likelihood of a lane, and its change. mean, variance: of its narrow prior; found, after:
    those that it has in the lane. */
 static double gain_from(double mean, double variance, double found, double after, int index, double *change)

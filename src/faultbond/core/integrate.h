@@ -10,7 +10,8 @@
    Tables: RATE_ROW[i] .. RATE_ROW[i + 1] are the places of row i in `slopes`, RATE_COLUMN their columns in v. A state
    feels the columns REACH_COLUMN[REACH_ROW[i] ..] in the course of a step; where REACHES_ALL, every state feels all, and
    there is no such table. LOWER_ROW, LOWER_PLACE: the rows below the diagonal that column k has entries in once the
-   columns before it are eliminated; UPPER_ROW, UPPER_PLACE: the columns right of the diagonal that row k has. */
+   columns before it are eliminated; UPPER_ROW, UPPER_PLACE: the columns right of the diagonal that row k has. Formulas:
+   docs/method.md, "One step in time", and of the implicit signals "Order of computation". */
 #ifndef FB_INTEGRATE_H
 #define FB_INTEGRATE_H
 

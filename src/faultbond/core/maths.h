@@ -1,5 +1,6 @@
 /* Functions of lanes. Powers, exponentials and logarithms are our own: the same digits on every processor, as many at a time as
-   there are lanes. The others, that few laws use, are the C library's, lane by lane. */
+   there are lanes. The others, that few laws use, are the C library's, lane by lane. Source: the reduction of Cody and Waite,
+   Software Manual for the Elementary Functions, 1980, chapters 5 and 6; series by Taylor. */
 #ifndef FB_MATHS_H
 #define FB_MATHS_H
 

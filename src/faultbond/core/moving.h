@@ -1,7 +1,8 @@
 /* Values that still move: under the hypothesis that is true what a lane has found settles, and moves only as its variance
    shrinks, var(theta_t - theta_s) = P_s - P_t. One that moves farther is not to be relied on as its standard deviation says.
 
-   After the bank has begun for the last time the suspects of each lane are noted 100, 200, 400, ... samples later. */
+   After the bank has begun for the last time the suspects of each lane are noted 100, 200, 400, ... samples later. Formulas:
+   docs/method.md, "Ranking". */
 #ifndef FB_MOVING_H
 #define FB_MOVING_H
 
@@ -130,11 +131,11 @@ static int64_t suspects_of(const State *state, int64_t lane, Suspect *suspects)
         }
         if (couple < 0) return 1;
         if (COUPLE_BESIDE[couple] >= 0) instrument_beside(bank, lane - N_STEPS, &suspects[1]);
-        else suspect_beside(bank, lane - N_STEPS, COUPLE_PARAMETER[couple], &suspects[1]);
+        else parameter_suspect(bank, lane, COUPLE_PARAMETER[couple], &suspects[1]);
         return 2;
     }
     const int64_t n = members_of(hypothesis_of(bank, lane), &members);
-    for (int64_t k = 0; k < n; k++) step_suspect(bank, lane, members[k], &suspects[k]);
+    for (int64_t k = 0; k < n; k++) parameter_suspect(bank, lane, members[k], &suspects[k]);
     return n;
 }
 
@@ -159,11 +160,11 @@ static void note_values(State *state)
     bank->noted_at[1] = state->clock.index;
     for (int64_t lane = 0; lane < N_LANES; lane++) {
         Suspect suspects[LARGEST_SET];
-        if (!is_constant(bank, lane)) continue;
         const int64_t n = suspects_of(state, lane, suspects);
+        const int is_value = is_constant(bank, lane); /* of one that was none then, nothing is said later */
         for (int64_t k = 0; k < n; k++) {
-            bank->noted[1][0][k][lane] = suspects[k].estimate;
-            bank->noted[1][1][k][lane] = suspects[k].sd;
+            bank->noted[1][0][k][lane] = is_value ? suspects[k].estimate : NAN;
+            bank->noted[1][1][k][lane] = is_value ? suspects[k].sd : NAN;
         }
     }
 }
@@ -184,6 +185,14 @@ static void judge_value(const State *state, int64_t lane, int64_t k, Suspect *su
     if (!(far > STILL)) return;
     suspect->moved = far;
     suspect->sd = sqrt(left / share + moved * moved);
+}
+
+/* The suspects of a lane, each as far as likelihoods count, and how many. */
+static int64_t judged_suspects(const State *state, int64_t lane, Suspect *suspects)
+{
+    const int64_t n = suspects_of(state, lane, suspects);
+    for (int64_t k = 0; k < n; k++) judge_value(state, lane, k, &suspects[k]);
+    return n;
 }
 
 FB_OFTEN

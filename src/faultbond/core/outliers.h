@@ -293,6 +293,7 @@ static void pack_again(const State *state, double (*samples)[N_SAMPLE], int64_t 
             sample.u[k] = t > good[k] && refused[t][k] ? NAN : samples[t < good[k] ? good[k] : t][SAMPLE_U + k];
         for (int j = 0; j < N_OUTPUTS; j++)
             sample.y[j] = samples[t][SAMPLE_USE + j] > 0.0 ? samples[t][SAMPLE_Y + j] : NAN;
+        for (int k = 0; k < N_NOISY; k++) sample.record[k] = sample.u[NOISY[k]];
         memcpy(sample.fade, samples[t] + SAMPLE_FADE, N_NOISY * sizeof(double));
         memcpy(sample.fresh, samples[t] + SAMPLE_FRESH, N_NOISY * sizeof(double));
         told->clock.index = state->clock.begun + t;

@@ -6,6 +6,7 @@
 
 #define GAP_FROM 3          /* samples without any value from which on the states are uncertain after them, */
 #define GAP_UNUSUAL 3.0     /* beside so many times the usual number, since rows may come more slowly than samples */
+#define GAP_UNKNOWN 1000    /* samples; a gap of unknown length counts as one of so many */
 #define PAUSES 20.0         /* rows over which the usual number is a mean; longer pauses do not count as more */
 #define MOVES 300.0         /* samples over which the moves, */
 #define HABIT 1000.0        /* and the presence, of inputs are means */

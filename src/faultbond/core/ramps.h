@@ -6,7 +6,7 @@
    so that all lengths of it are alike, in logarithm.
    With the renewals the pairs of the likeliest suspects begin again: at the alarm little was seen of what moves, so the onset that
    was best then is often wrong, and a drift from a wrong onset has another rate and hands on what does not fit.
-   Source: as of slots.h, with modes that only go one way. */
+   Source: as of slots.h, with modes that only go one way. Formulas: docs/method.md, "The bank". */
 #ifndef FB_RAMPS_H
 #define FB_RAMPS_H
 

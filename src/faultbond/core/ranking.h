@@ -6,7 +6,7 @@
 
    Of n samples since the alarm likelihoods count as of n / (1 + n / AS_MANY), see `share_of_evidence`; and by how much of what
    they say lies within the ranges of their suspects, see fault_range.h. Records of inputs that have stopped speak for a stuck meter,
-   see stopped.h. */
+   see stopped.h. Formulas: docs/method.md, "Ranking". */
 #ifndef FB_RANKING_H
 #define FB_RANKING_H
 
@@ -233,14 +233,6 @@ static void rank_kinds(const double *kinds, int64_t leading, Candidate *candidat
         candidate->kinds[at] = kind;
     }
     for (int64_t k = 0; k < candidate->n_kinds; k++) candidate->shares[k] /= total;
-}
-
-/* The suspects of a lane, each as far as likelihoods count, and how many. */
-static int64_t judged_suspects(const State *state, int64_t lane, Suspect *suspects)
-{
-    const int64_t n = suspects_of(state, lane, suspects);
-    for (int64_t k = 0; k < n; k++) judge_value(state, lane, k, &suspects[k]);
-    return n;
 }
 
 /* Add to the mean square of what a value may be off by what other suspects say of it, with a probability, if they do. */

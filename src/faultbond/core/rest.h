@@ -1,8 +1,8 @@
 /* Lanes that cannot win any more rest: a group of which each lane is far behind the leading one, once no lane begins again. It
    keeps its distance from then on. What rests goes on where a person rules a hypothesis out.
 
-   A sensor that sticks does not lead here: while nothing moves it explains whatever is quiet, far better than any other lane,
-   and once the plant moves it is out; what rested by then would not come back. */
+   A sensor or an input that sticks does not lead here: while nothing moves it explains whatever is quiet, far better than any
+   other lane, and once the plant moves it is out; what rested by then would not come back. */
 #ifndef FB_REST_H
 #define FB_REST_H
 

@@ -2,7 +2,7 @@
 
    Sure is a candidate whose set and kind of fault are, together. Where the kind stays open, as between a bias and a drift
    that hardly moves, waiting longer does not help, and the next fault would be laid to the first; so a candidate whose set
-   alone has been sure for much longer is accepted too, with its likeliest kind. */
+   alone has been sure for much longer is accepted too, with its likeliest kind. Formulas: docs/method.md, "The bank". */
 #ifndef FB_RULE_H
 #define FB_RULE_H
 

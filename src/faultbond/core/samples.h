@@ -8,7 +8,6 @@
 
 #include "plant.h"
 
-#define GAP_UNKNOWN 1000    /* samples; a gap of unknown length counts as one of so many */
 #define GAP_WHOLE 20.0      /* samples of a gap in which a state may go as far as it has ever been */
 #define GAP_AGAIN 0.3       /* part of this that the next sample adds again, */
 #define GAP_NOTHING 1e-3    /* and part that is not worth it */
@@ -28,7 +27,10 @@ static void resume(Clock *clock) { clock->silent = GAP_UNKNOWN; }
 /* Take the faults of instruments that were accepted out of a sample; a sensor that is out of use is missing. */
 static void correct(const Normal *normal, Sample *sample)
 {
-    for (int k = 0; k < N_INPUTS; k++) sample->u[k] = normal->input_gain[k] * sample->u[k] + normal->input_offset[k];
+    for (int k = 0; k < N_INPUTS; k++) {
+        const double recorded = normal->input_gain[k] != 0.0 ? normal->input_gain[k] * sample->u[k] : 0.0; /* of one that stuck it tells nothing */
+        sample->u[k] = recorded + normal->input_offset[k];
+    }
     for (int j = 0; j < N_OUTPUTS; j++)
         sample->y[j] = isfinite(normal->noise[j]) ? (sample->y[j] - normal->offset[j]) / normal->gain[j] : NAN;
 }

@@ -11,7 +11,7 @@
 FB_SELDOM
 
 #define SAVED_MARK 0x657461747362666LL /* "fbstate" */
-#define SAVED_FORMAT 11
+#define SAVED_FORMAT 12
 #define MODEL_WORDS 4 /* of the hash */
 
 /* Why a call was refused. */

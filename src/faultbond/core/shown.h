@@ -2,7 +2,7 @@
 
    A sensor of which one state alone is not known shows that; and a state that is known shows, as it were at rest, the one that
    it follows. No step in time is made, so no plant can run away: one whose winding begins at 0 K, with a resistance below zero,
-   is beyond all measure after a second. */
+   is beyond all measure after a second. Formulas: docs/method.md, "The joint filter". */
 #ifndef FB_SHOWN_H
 #define FB_SHOWN_H
 

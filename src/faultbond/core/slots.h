@@ -6,7 +6,7 @@
    Source: Blom and Bar-Shalom, IEEE Trans. Automatic Control 33 (1988) 780 (interacting multiple models). In the same way
    what moves comes to stay, but for good: see ramps.h.
 
-   When which lanes do stands in work.h. */
+   When which lanes do stands in work.h. Formulas: docs/method.md, "The bank". */
 #ifndef FB_SLOTS_H
 #define FB_SLOTS_H
 
@@ -364,8 +364,27 @@ static inline int is_of_found(int64_t k)
     return SLOT_OUTPUT[k] < 0 && (SLOT_KIND[k] == KIND_DRIFT || SLOT_KIND[k] == KIND_BIAS || SLOT_KIND[k] == KIND_GAIN);
 }
 
-/* Begin a group of lanes of the plan at an onset. Where they begin again, found holds their sizes and rates, as they are at the
-   end of the trail; NULL: they have found nothing. */
+/* Note what lane k of the plan has found, its size and rate, as they were `elapsed` s before; of what lags where its size ends,
+   d + r T, since the rate fades. */
+static void note_slot(int64_t k, double size, double rate, double elapsed, double *found)
+{
+    found[0] = SLOT_LAG[k] > 0.0 ? size + rate * SLOT_LAG[k] : size - rate * elapsed;
+    found[1] = rate;
+}
+
+/* Let lane l of a group begin at what was found of lane k of the plan, `elapsed` s before. */
+static void begin_at_found(int64_t k, const double *found, double elapsed, double (*group)[GROUP], int l)
+{
+    if (SLOT_LAG[k] > 0.0) {
+        group[AT_SLOT + 1][l] = found[0] / SLOT_LAG[k];
+    } else {
+        group[AT_SLOT][l] = found[0] - found[1] * elapsed;
+        group[AT_SLOT + 1][l] = found[1];
+    }
+}
+
+/* Begin a group of lanes of the plan at an onset. Where they begin again, found holds what `note_slot` noted at the end of the
+   trail; NULL: they have found nothing. */
 static void begin_slots(const int64_t *lane, double (*found)[FOUND], const Trail *trail, int64_t onset, const double *peak,
                         double (*group)[GROUP], Walk *walk, SlotMemory *memory)
 {
@@ -376,14 +395,8 @@ static void begin_slots(const int64_t *lane, double (*found)[FOUND], const Trail
         begin_slot(lane[l], trail, peak, &memory->start, group, l);
         walk->samples[l] = walk->steps[l] = 0;
         walk->variance[l] = 0.0;
-        if (!found || !is_of_found(lane[l])) {
-            begin_walk(lane[l], trail, onset, group, l, walk);
-        } else if (SLOT_LAG[lane[l]] > 0.0) {
-            group[AT_SLOT + 1][l] = (found[l][0] + found[l][1] * elapsed) / SLOT_LAG[lane[l]];
-        } else {
-            group[AT_SLOT][l] = found[l][0] - found[l][1] * elapsed;
-            group[AT_SLOT + 1][l] = found[l][1];
-        }
+        if (found && is_of_found(lane[l])) begin_at_found(lane[l], found[l], elapsed, group, l);
+        else begin_walk(lane[l], trail, onset, group, l, walk);
         if (memory->start.all_along) go_along(lane[l], trail, onset, group, l);
     }
 }

@@ -80,6 +80,7 @@ static inline void smooth_input(Inputs *inputs, int m, real *u, real *fade, real
 static inline void smooth_inputs(Inputs *inputs, Sample *sample)
 {
     for (int k = 0; k < N_NOISY; k++) {
+        sample->record[k] = sample->u[NOISY[k]];
         sample->fade[k] = SAME(0.0);
         sample->fresh[k] = SAME(INPUT_VARIANCE[k]);
     }

@@ -2,7 +2,7 @@
 
    They say so by what is expected after either past. While the plant is healthy the healthy filter expects it. Of a faulty plant
    it is that filter which is wrong, and would take true values out of all lanes alike. So it has no say where the sample before
-   surprised it, too, and after an alarm the likeliest lane has. */
+   surprised it, too, and after an alarm the likeliest lane has. Formulas: docs/method.md, "The joint filter". */
 #ifndef FB_SPIKES_H
 #define FB_SPIKES_H
 
@@ -41,7 +41,7 @@ static double said_by_leader(const State *state, const double *packed, const dou
 /* How much the healthy filter has the readings say for the second of two pasts of a sample; 0 where it is off already. */
 static double said_by_healthy(State *state, const double *packed, const double *other, SampleMemory *memory, Filters *filters)
 {
-    if (row_of(&state->past, state->clock.index - 1)->wildness > SPIKE) return 0.0;
+    if (state->sensors.surprised > 0.0) return 0.0;
     memcpy(memory->one, state->healthy.lane, sizeof memory->one);
     memcpy(memory->two, state->healthy.lane, sizeof memory->two);
     return compare(&state->normal, memory->one, packed, memory->two, other, &filters->plain);

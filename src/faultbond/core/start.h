@@ -3,7 +3,7 @@
    Least squares over the first samples with nominal parameters; the filter itself predicts (with every measurement
    switched off and nothing uncertain), so no other form of the model is needed. A state that these samples do not
    show is taken from where the nominal plant would settle under the first inputs, and is as uncertain as it is
-   large. */
+   large. Formulas: docs/method.md, "The joint filter"; Levenberg 1944 and Marquardt 1963. */
 #ifndef FB_START_H
 #define FB_START_H
 

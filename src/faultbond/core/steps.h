@@ -5,7 +5,8 @@
    by their inverse, so each suspect starts from several sizes. A store whose own parameter changes may keep its content
    (charge, volume, momentum) or its effort or flow (a level, a speed); both happen and both are tried.
 
-   Lanes begin in groups, each at several onsets (onsets.h); when which does stands in work.h. */
+   Lanes begin in groups, each at several onsets (onsets.h); when which does stands in work.h. Formulas: docs/method.md, "The
+   bank". */
 #ifndef FB_STEPS_H
 #define FB_STEPS_H
 
@@ -164,9 +165,9 @@ static void begin_steps(const Start *starts, const Trail *trail, int64_t onset, 
 
 FB_OFTEN
 
-/* Take samples of the trail, or after it, from one place up to another into a group of lanes; `onset`: the place at which
-   these stand already. */
-static void run_steps(double (*group)[GROUP], const Trail *trail, int64_t from, int64_t end, int64_t onset,
+/* Take samples of the trail, or after it, from one place up to another into a group of lanes; `standing`: the place at which
+   these stand already, -1: none. */
+static void run_steps(double (*group)[GROUP], const Trail *trail, int64_t from, int64_t end, int64_t standing,
                       const Normal *normal, double *sample, Filter_plain *work)
 {
     const int moving = drifts(normal);
@@ -174,7 +175,7 @@ static void run_steps(double (*group)[GROUP], const Trail *trail, int64_t from, 
         for (int64_t k = 0; k < PLAIN_NUMBERS; k++) work->lane[k] = load(group[k] + part);
         for (int64_t place = from; place < end; place++) {
             bank_sample(sample_at(trail, place), sample);
-            if (place == onset) stand_at(sample);
+            if (place == standing) stand_at(sample);
             if (moving) drift_on(normal, sample[SAMPLE_DT], work->lane, PLAIN_JOINT);
             filter_step_plain(work->lane, sample, work->innovations, work);
         }

@@ -1,5 +1,6 @@
 /* The sums of the detector: CUSUMs of the innovations of each sensor, slow and fast, and of their scatter; see `detector.h`.
-   Of one plant, of some side by side, and of the trials with which `analyse` asks for the smallest fault: see `watching.h`. */
+   Of one plant, of some side by side, and of the trials with which `analyse` asks for the smallest fault: see `watching.h`.
+   Formulas: docs/method.md, "The alarm". */
 
 /* The limit of the slow sums in those of the fast ones, and in those of the scatter. */
 static inline real scale_of_fast(void) { return SAME(isfinite(CUSUM_LIMIT) ? CUSUM_LIMIT / FAST_LIMIT : 1.0); }

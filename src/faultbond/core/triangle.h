@@ -3,7 +3,8 @@
 
    A text for each kind of lanes: N_JOINT numbers z go together, of which the first N_STATES are states; PLACE(i, j) is where the
    triangle has an entry with i <= j, and SYMMETRIC[i][j] where it has any. State i feels the columns STATE_PLACE[STATE_ROW[i] ..]
-   of z in a step, sensor j the columns OUT_PLACE[OUT_ROW[j] ..]; others are not touched. */
+   of z in a step, sensor j the columns OUT_PLACE[OUT_ROW[j] ..]; others are not touched. Formulas: docs/method.md, "The joint
+   filter"; Bierman, Factorization Methods for Discrete Sequential Estimation, 1977. */
 
 /* Covariance of the states after a step with slopes A by z: A P A' and A P with the rest, which is still as before. */
 static void spread_states(lanes *FB_RESTRICT p, lanes (*FB_RESTRICT a)[N_JOINT], lanes (*FB_RESTRICT t)[N_JOINT])

@@ -23,12 +23,12 @@
 #ifndef FB_UNTESTED_H
 #define FB_UNTESTED_H
 
+#include "growing.h"
 #include "ranking.h"
 
 FB_SELDOM
 
 #define OPEN 0.5               /* a bound from which on there is none */
-#define LEAST_INFORMATION 1e-9 /* in that of the narrow prior */
 #define LEAST_SPREAD 1e-12     /* variance that is left, in that of the narrow prior */
 #define SWEEPS 60
 
@@ -130,15 +130,8 @@ static double left_to_explain(const Bank *bank, int64_t lane, int64_t index)
 {
     const double usual = log(4.0 * N_OUTPUTS) / (2.0 * CUSUM_DRIFT);
     double total = 0.0;
-    for (int j = 0; j < N_OUTPUTS; j++) {
-        double worth = 0.0;
-        for (int side = 0; side < 2; side++) {
-            const double sum = bank->sums[side][j][lane], since = (double)index - bank->since[side][j][lane];
-            const double length = since > 1.0 ? since : 1.0, shift = CUSUM_DRIFT + sum / length;
-            if (sum > usual && 0.5 * length * shift * shift > worth) worth = 0.5 * length * shift * shift;
-        }
-        total += worth;
-    }
+    for (int j = 0; j < N_OUTPUTS; j++)
+        total += left_at(bank, lane, j, usual, index);
     return total;
 }
 

@@ -10,7 +10,7 @@
    before that began, and what one window says counts for the next longer one until that has been seen often enough.
 
    The last two lanes at multiples of each window are kept, and compared is that of one to two windows ago. This text stands in
-   watching.h. Reasons and figures: docs/decisions/020-walks.md. */
+   watching.h. Reasons and figures: docs/decisions/020-walks.md. Formulas: docs/method.md, "The alarm". */
 
 /* The sample from which on healthy lanes are kept for long: a while after the start, or after what was accepted, or after an
    input was unknown: then parameters walk to make up for it. */
@@ -68,8 +68,8 @@ static inline void learn_walk(Healthy *healthy, int window, int k, real square, 
     healthy->walks[window][k] += PICK(counts, weight * lesser(square, WALK_MOST * usual), SAME(0.0));
 }
 
-/* Judge how far parameter k has walked over a window, since a lane that was kept `weight` windows of the shortest ago; learn
-   from it where it `counts`. Gives the walk in what is usual. */
+/* Judge how far parameter k has walked over a window, since an old lane; learn from it where it `counts`, with a weight: the
+   shortest window as a part of the time since. Gives the walk in what is usual. */
 static inline real judge_walk(Healthy *healthy, int window, int k, const real *old, real weight, flag counts)
 {
     const real left = own_variance(healthy->lane, k), moved = own_value(healthy->lane, k) - own_value(old, k);

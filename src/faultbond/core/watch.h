@@ -68,6 +68,9 @@ static void begin_state(State *state, double t0, int64_t quiet)
         inputs->habit[k] = state->normal.input_gain[k] = 1.0;
         inputs->inside[k] = NAN;
     }
+#if N_NOISY > 0
+    for (int k = 0; k < N_NOISY; k++) state->inputs.record[k] = NAN;
+#endif
     for (int c = 0; c < N_CONDITIONS; c++) state->inputs.true_for[c] = INFINITY;
     state->inputs.odd_since = -1;
     for (int j = 0; j < N_OUTPUTS; j++) {
@@ -137,6 +140,7 @@ static void keep(State *state, const double *packed, const double *lane, double 
     else memset(row->lane, 0, sizeof row->lane);
     row->time = state->clock.time;
     row->wildness = wildness;
+    state->sensors.surprised = wildness > SPIKE;
     if (state->clock.alarm < 0 || state->clock.quiet == ALARMS_ONLY) return;
     const double *old = oldest_lane(state);
     advance_bank(state, packed, old ? old[KEPT_TIME] : -INFINITY, &work->bank, &work->filters);
@@ -175,7 +179,7 @@ static void trail_of(const State *state, Trail *trail)
    left has nothing more to tell. */
 static void lose(State *state)
 {
-    if (state->clock.alarm >= 0 && !(leading_of_bank(&state->bank) > LOWEST)) {
+    if (state->clock.alarm >= 0 && leader_of(&state->bank) < 0) {
         state->clock.alarm = -1;
         clear_bank(state);
         forget_sure(&state->sure);
@@ -204,10 +208,10 @@ static int is_gathered(const State *state, int64_t count, int again)
 
 /* Of a long wait only the last samples are taken, with the last value of each sensor: over all of it nominal parameters would
    not hold. Gives how many; `count` are there. */
-static int64_t worth_starting_from(const State *state, int64_t count)
+static int64_t worth_starting_from(const State *state, int64_t count, int again)
 {
     int64_t skipped = count - START_SAMPLES;
-    for (int i = 0; i < N_STATES; i++)
+    for (int i = 0; i < N_STATES && !again; i++)
         if (!isnan(START_SD[i])) return count;
     for (int j = 0; j < N_OUTPUTS; j++)
         for (int64_t k = 0; k < count; k++)
@@ -262,7 +266,7 @@ static void gather(State *state, Report *report, Work *work)
     for (int64_t i = 0; i < PLAIN_NUMBERS; i++) again |= state->healthy.lane[i] != 0.0;
     report_nothing(report, STARTING);
     if (!is_gathered(state, count, again)) return;
-    count = worth_starting_from(state, count);
+    count = worth_starting_from(state, count, again);
     clock->begun = clock->index - count + 1;
     if (count > MOST_FIRST) count = MOST_FIRST;
     const Beginning beginning = {clock->index - count + 1, count, again};
@@ -278,6 +282,7 @@ static void gather(State *state, Report *report, Work *work)
         memcpy(row->sample, first->samples[k], sizeof row->sample);
         memcpy(row->lane, work->lane, sizeof row->lane);
         row->wildness = wildness_of(first->samples[k], innovations);
+        state->sensors.surprised = row->wildness > SPIKE;
         see(&state->sensors, first->samples[k]);
     }
     if (is_sound(work->lane)) {

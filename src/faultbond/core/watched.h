@@ -33,7 +33,8 @@ typedef struct {
     real trends[FB_ROOM(N_SMOOTH)][TRENDS][TREND_NUMBERS]; /* what follows records that scatter, see smooth.h, */
     real rough[FB_ROOM(N_SMOOTH)];      /* and the variance of what is left of their noise, in that; 0: not told yet */
 #if N_NOISY > 0
-    real still[N_NOISY];                /* of records that scatter: samples up to this one for which each has been the same, */
+    real record[N_NOISY];               /* of records that scatter: the last value, as it was told; nan: none yet, */
+    real still[N_NOISY];                /* samples up to this one for which it has been the same, but for those that lack it, */
     real stood[N_NOISY];                /* the most of these up to the alarm, but for those at an end of where it had been, */
     real idle[N_NOISY];                 /* samples at such an end until then: it may have been at rest there, */
     real since[N_NOISY];                /* s, when it moved last, */
@@ -50,6 +51,7 @@ typedef struct {
 typedef struct {
     real shown[2][N_OUTPUTS];            /* least and greatest reading, SI */
     real spent[N_OUTPUTS];               /* patience with wild values that is used up */
+    real surprised;                      /* 1: a reading of the last sample was wild, or an input before it, see spikes.h */
     real nis[N_OUTPUTS];                 /* usual square of a normalised innovation while healthy; 1: as declared */
     real mean[N_OUTPUTS];                /* of the last normalised innovations, */
     real run[N_OUTPUTS];                 /* and their variance over long runs while healthy; 1: they are white */
@@ -88,5 +90,6 @@ typedef struct {
 typedef struct {
     double time, dt;
     real u[FB_ROOM(N_INPUTS)], y[N_OUTPUTS];
-    real fade[FB_ROOM(N_NOISY)], fresh[FB_ROOM(N_NOISY)]; /* of the errors of noisy inputs, see `smooth_inputs` */
+    real record[FB_ROOM(N_NOISY)]; /* of noisy inputs as they were told, */
+    real fade[FB_ROOM(N_NOISY)], fresh[FB_ROOM(N_NOISY)]; /* and of their errors, see `smooth_inputs` */
 } Sample;

@@ -1,7 +1,7 @@
 /* What is the same for every sample of a plant that is watched: how inputs move, what the sensors show, the sums of the
    detector. `plant.h` and `fleet.h` include this text for one plant and for FB_LANES assets side by side, and say what the words
    stand for: `real` and `whole` numbers, a `flag` that is true or not, SAME for all, PICK one where a flag is true and else the
-   other, NOT. */
+   other, NOT. Formulas: docs/method.md, "The joint filter" and "The alarm". */
 
 #include "real.h"
 
@@ -87,15 +87,16 @@ static inline flag is_at_end(const Inputs *inputs, int k, real value)
 }
 
 /* What is known of records that scatter: how long each has been the same to the last digit, and for how long at most, and how
-   often it turned back, up to the alarm. What is not told stays the same. One that is switched off stands at an end of where it has
-   been, and tells nothing there of how it scatters; nor does a command that goes from end to end. */
+   often it turned back, up to the alarm. What is not told stays the same, and for how long nobody knows where it usually is. One that
+   is switched off stands at an end of where it has been, and tells nothing there of how it scatters; nor does a command that goes
+   from end to end. */
 static inline void learn_records(const Clock *clock, const Sample *sample, Inputs *inputs)
 {
     const flag healthy = clock->alarm < 0;
     for (int k = 0; k < N_NOISY; k++) {
-        const real moved = inputs->held[NOISY[k]] - inputs->earlier[NOISY[k]], way = PICK(moved > 0.0, SAME(1.0), SAME(-1.0));
-        const flag goes = is_finite(sample->u[NOISY[k]]) & (moved != 0.0);
-        const flag within = healthy & goes & NOT(is_at_end(inputs, NOISY[k], inputs->earlier[NOISY[k]]));
+        const real u = sample->record[k], moved = u - inputs->record[k], way = PICK(moved > 0.0, SAME(1.0), SAME(-1.0));
+        const flag told = is_finite(u), goes = told & (moved != 0.0);
+        const flag within = healthy & goes & NOT(is_at_end(inputs, NOISY[k], inputs->record[k]));
         const flag rests = is_at_end(inputs, NOISY[k], inputs->held[NOISY[k]]);
         const flag turns = within & (way * inputs->way[k] < 0.0);
         inputs->stood[k] = PICK(within, greater(inputs->stood[k], inputs->still[k]), inputs->stood[k]);
@@ -103,7 +104,9 @@ static inline void learn_records(const Clock *clock, const Sample *sample, Input
         inputs->since[k] = PICK(goes, SAME(sample->time), inputs->since[k]);
         inputs->turns[k] = PICK(turns, inputs->turns[k] + 1.0, inputs->turns[k]);
         inputs->way[k] = PICK(goes, way, inputs->way[k]);
-        inputs->still[k] = PICK(goes, SAME(0.0), inputs->still[k] + 1.0);
+        inputs->still[k] = PICK(told | NOT(is_restless(inputs, NOISY[k])), inputs->still[k] + 1.0, inputs->still[k]);
+        inputs->still[k] = PICK(goes, SAME(0.0), inputs->still[k]);
+        inputs->record[k] = PICK(told, u, inputs->record[k]);
     }
 }
 #endif
@@ -120,7 +123,7 @@ static inline flag is_blanked(const Inputs *inputs, const Sample *sample, int j)
 }
 
 /* Tell the clock whether a sample has any value; gives the gap before it, in samples, 0 where there was none. Where rows are
-   the grid, a gap is told by the time since the row before. */
+   the grid, a gap is told by the time since the row before; but that of a run that goes on, or without a value for as long, is one. */
 static inline real gap_before(Clock *clock, double dt, flag silent)
 {
     const real usual = clock->pause, silence = AS_REAL(clock->silent);
@@ -131,7 +134,8 @@ static inline real gap_before(Clock *clock, double dt, flag silent)
         clock->pause = PICK(silent, usual, learned);
         return PICK(NOT(silent) & (silence > GAP_FROM - 1 + GAP_UNUSUAL * usual), silence, SAME(0.0));
     }
-    const real absent = PICK(usual == 0.0, SAME(0.0), dt / usual - 1.0);
+    const real away = PICK(silence < GAP_UNKNOWN, SAME(0.0), silence);
+    const real absent = greater(PICK(usual == 0.0, SAME(0.0), dt / usual - 1.0), away);
     clock->pause = PICK(silent, usual, PICK(usual == 0.0, SAME(dt), learned));
     return PICK(NOT(silent) & (absent > GAP_FROM - 1 + GAP_UNUSUAL), absent, SAME(0.0));
 }

@@ -4,7 +4,8 @@
    goes on is let in after some samples, since a fault may bring about what was never seen before: then the alarm and the
    bank judge it. Of an input nothing is expected; so one that is far from all it has been is held, and what feels it at
    once is not judged. At the next sample it is believed, unless the readings follow the past without it, or do not tell
-   and it has come back. Where the model states a range nothing within it is wild. */
+   and it has come back. Where the model states a range nothing within it is wild. Formulas: docs/method.md, "The joint
+   filter". */
 #ifndef FB_WILD_H
 #define FB_WILD_H
 
@@ -194,6 +195,7 @@ static void keep_as_believed(State *state, int64_t since, double *lane, Filter_p
         advance_one(lane, row->sample, &state->normal, innovations, work);
         memcpy(row->lane, lane, sizeof row->lane);
         row->wildness = wildness_of(row->sample, innovations);
+        state->sensors.surprised = row->wildness > SPIKE;
     }
 }
 

@@ -6,7 +6,8 @@
    Each hypothesis says of its suspects that they are at fault. Of what it says, the part for which the change of a suspect is
    that of a healthy parameter goes to the hypothesis without it; where none is left, to none at all. Both are taken to be as
    likely before, so this part is q = h / (h + f), with h and f the densities of the change under what healthy and faulty
-   parameters do. Source: Bayes' rule for a mixture of two normal distributions. */
+   parameters do. Source: Bayes' rule for a mixture of two normal distributions. Formulas: docs/method.md, "Ranking"; reasons
+   and figures: docs/decisions/029-healthy-bias.md. */
 #ifndef FB_WITHIN_H
 #define FB_WITHIN_H
 
@@ -25,18 +26,6 @@ static double log_density(double off, double variance) { return -0.5 * (off * of
 typedef struct {
     double since, from_nominal, variance, accuracy;
 } Off;
-
-/* Number i of a lane, and a covariance of it: of steps, or with a slot. */
-static double number_in(const Bank *bank, int64_t lane, int64_t i)
-{
-    return lane < N_STEPS ? of_step(bank, lane, i) : of_slot(bank, lane - N_STEPS, i);
-}
-
-static double covariance_in(const Bank *bank, int64_t lane, int64_t i, int64_t j)
-{
-    const int64_t a = i < j ? i : j, b = i < j ? j : i;
-    return lane < N_STEPS ? of_step(bank, lane, PLAIN_PLACE(a, b)) : of_slot(bank, lane - N_STEPS, WIDE_PLACE(a, b));
-}
 
 /* How far suspect i of n of a lane is off, beside parameters that go with it and are not suspects: what is not known of all
    in common is then no part of it. `alone`: how far it is by itself. */
@@ -114,7 +103,8 @@ static double odds_within(const State *state, int64_t lane, const Suspect *suspe
     Off is = {value - state->bank.healthy[AT_PARAMETERS + k], value - HEALTHY[k], sd * sd, ACCURACY[k]};
     if (is_tied(k)) is = off_beside(state, lane, suspects, n, i, is, given);
     if (state->clock.accepted < 0) {
-        const int began_with_plant = state->bank.onset[lane] <= state->clock.begun + 1;
+        const int has_onset = lane < N_STEPS + SWITCHED || lane >= N_STEPS + N_SLOT_LANES; /* what comes and goes has none */
+        const int began_with_plant = has_onset && state->bank.onset[lane] <= state->clock.begun + 1;
         is.since = fmax(began_with_plant ? 0.0 : fabs(is.since), fabs(is.from_nominal));
     }
     return odds_healthy(fabs(is.since), fmax(MOVES_BY * is.accuracy, HEALTHY_CHANGE[k]), CHANGE[k], is.variance);
@@ -165,8 +155,7 @@ static void share_out(const State *state, int64_t hypothesis, double share, Rank
 {
     Suspect suspects[LARGEST_SET];
     double within[LARGEST_SET];
-    const int64_t lane = ranking->best[hypothesis], n = suspects_of(state, lane, suspects);
-    for (int64_t i = 0; i < n; i++) judge_value(state, lane, i, &suspects[i]);
+    const int64_t lane = ranking->best[hypothesis], n = judged_suspects(state, lane, suspects);
     for (int64_t i = 0; i < n; i++) within[i] = odds_within(state, lane, suspects, n, i, &ranking->given);
     for (unsigned kept = 0; kept < 1u << n; kept++) {
         double part = share;

@@ -5,7 +5,8 @@
    onset they begin, and take all samples of the trail, which ends where the work began (NEAR_ONSETS; again from CLOSER, where
    stores jump); the best of their onsets then go on up to now (CATCHING_UP), and take their place in the bank. Groups of
    single parameters come first: sets of several parameters are tried only at the onsets that some single one makes likely.
-   Nothing here depends on how large the portions are, but when it ends. */
+   Nothing here depends on how large the portions are, but when it ends. How much of it a sample does: docs/method.md, "The
+   bank". */
 #ifndef FB_WORK_H
 #define FB_WORK_H
 
@@ -244,7 +245,7 @@ static double since_trail(State *state)
     return elapsed;
 }
 
-/* Note size and rate that the best lanes of some faults have found, as they were at the end of the trail. */
+/* Note what the best lanes of some faults have found, as it was at the end of the trail. */
 static void note_slots(State *state, const Renewed *renewed, int64_t n)
 {
     Job *job = &state->job;
@@ -252,8 +253,7 @@ static void note_slots(State *state, const Renewed *renewed, int64_t n)
     for (int64_t l = 0; l < GROUP; l++) {
         const int64_t best = renewed[l < n ? l : 0].best;
         job->begins[l] = state->bank.onset[N_STEPS + best];
-        job->found[l][1] = *number_of_slot(&state->bank, best, AT_SLOT + 1);
-        job->found[l][0] = *number_of_slot(&state->bank, best, AT_SLOT) - job->found[l][1] * elapsed;
+        note_slot(best, of_slot(&state->bank, best, AT_SLOT), of_slot(&state->bank, best, AT_SLOT + 1), elapsed, job->found[l]);
     }
 }
 
@@ -576,7 +576,8 @@ static int64_t run_group(State *state, const Trail *trail, int64_t most, BankMem
         run_slots(job->run, trail, from, from + n, onset, job->pass == CATCHING_UP ? NULL : &job->walk,
                   job->stage == COUPLES && job->pass != CATCHING_UP ? onset : -1, &state->normal, memory->slots.sample, &filters->wide);
     else
-        run_steps(job->run, trail, from, from + n, onset, &state->normal, memory->steps.sample, &filters->plain);
+        run_steps(job->run, trail, from, from + n, job->search.early && job->onset == 0 ? -1 : onset, &state->normal,
+                  memory->steps.sample, &filters->plain); /* those of the first sample of all stand before it */
     job->next += n;
     return n * cost;
 }

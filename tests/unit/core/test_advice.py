@@ -25,7 +25,7 @@ from faultbond.synthesis.ahead import AHEAD
 from faultbond.synthesis.compile import find_compiler
 from faultbond.synthesis.engine import build_core, build_engine
 from faultbond.types import CheckKind
-from made import TANK_START, plant, recorded, run, samples_of
+from made import TANK_START, changed, plant, recorded, run, samples_of
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 TANK = (Path(__file__).parents[3] / "examples" / "tank" / "model.yaml").read_text(encoding="utf-8")
@@ -82,7 +82,7 @@ int64_t t_room(State *state) { return (void)state, (int64_t)sizeof(Rivals); }
 AHEAD_CALL = """
 int64_t t_pack(State *state, const int64_t *t, const double *held, double *packed)
 {
-    pack_ahead(state->inputs.held, held, t[0], t[1], packed);
+    pack_ahead(state->inputs.held, held, &state->normal, t[0], t[1], packed);
     return 0;
 }
 int64_t t_ahead(State *state, Work *work, Diagnosis *found, double *first)
@@ -334,6 +334,19 @@ def test_moves_part_what_predictions_part(lanes: int) -> None:
         assert sorted(sorted(group) for group in item.separates) == groups
         assert item.gain == pytest.approx(bits(groups, rivals))
         assert item.gain >= waited + WORTH
+
+
+def test_what_a_sensor_out_of_use_would_read_is_no_reason_for_a_move() -> None:
+    """A move is advised for what the others read; noise that was accepted counts."""
+    monitor = leaking()
+    listed = monitor.conclude().candidates
+    names = [item.components for item in listed]
+    chosen = [(names.index((name,)), 0.5) for name in ("leak", "outlet")]
+    gains = []
+    for noise in (1.0, 1e6, np.inf):
+        found = advised(changed(monitor, **{"normal.noise": noise}), *chosen)[1]
+        gains.append(max((item.gain for item in found if item.kind is CheckKind.INPUT), default=0.0))
+    assert gains == [pytest.approx(1.0), 0.0, 0.0]
 
 
 def test_of_all_moves_the_nearest_is_advised_that_tells_most() -> None:

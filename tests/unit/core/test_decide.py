@@ -113,7 +113,7 @@ def test_a_parameter_becomes_what_it_and_the_slot_add_up_to(state: Diagnosed, it
     assert lane[-1] == 50.0
     if item.kind is FaultKind.DRIFT and rate > 1.0:
         before["rates"][item.parameter] += rate
-        before["wander"][item.parameter] = 0.5 * rate
+        before["wander"][item.parameter] = 0.5 * before["rates"][item.parameter]
     assert normal(state) == before
 
 

@@ -27,6 +27,18 @@ void t_slot(State *state, const double *lane, const double *value, const double 
     *number_of_slot(&state->bank, l, AT_SLOT) = *value;
     *number_of_slot(&state->bank, l, WIDE_PLACE(AT_SLOT, AT_SLOT)) = *variance;
 }
+int64_t t_ramp(State *state)
+{
+    (void)state;
+    for (int64_t l = RAMPED; l < SWITCHED; l++)
+        if (SLOT_KIND[l] == KIND_RAMP && SLOT_OUTPUT[l] == 0) return l;
+    return -1;
+}
+void t_moves(State *state, const double *lane, const double *likelihood)
+{
+    *number_of_slot(&state->bank, (int64_t)*lane, ROLE_TOOK) = 1e3;
+    *number_of_slot(&state->bank, (int64_t)*lane, WIDE_LIKELIHOOD) = *likelihood;
+}
 int64_t t_bias(State *state)
 {
     (void)state;
@@ -122,3 +134,21 @@ def test_a_bias_of_a_sensor_may_move_too() -> None:
     core.call("t_found", np.array([float(steps + lane)]), found)
     assert found[2] == pytest.approx(6.0)
     assert found[1] == pytest.approx(hypot(sqrt(3.0) * wider(1000 + 2 * FROM), 6.0))
+
+
+def test_of_what_moved_when_it_was_noted_nothing_is_said_once_it_is_at_rest() -> None:
+    """A ramp that is no likelier than a step any more is told as one; before, no value was noted of it."""
+    core = settled()
+    lane = int(core.call("t_ramp"))
+    steps = plan_lanes(core.spec).n_lanes
+    core.call("t_moves", np.array([float(lane)]), np.array([50.0]))
+    for index in range(1000, 1000 + 2 * FROM + 1):
+        core["clock.index"] = index
+        core.call("t_slot", np.array([float(lane)]), np.array([20.0]), np.array([4.0]))
+        core.call("t_note")
+    core.call("t_moves", np.array([float(lane)]), np.array([-1e300]))
+    found = np.zeros(3)
+    core.call("t_found", np.array([float(steps + lane)]), found)
+    assert found[0] == pytest.approx(20.0)
+    assert found[1] == pytest.approx(2.0 * wider(1000 + 2 * FROM))
+    assert found[2] == 0.0

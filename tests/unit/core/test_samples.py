@@ -92,6 +92,9 @@ def test_rows_that_are_absent_from_a_variable_grid() -> None:
     assert found == [0] * 41 + [99] + [0] * 5
     assert core["clock.pause"] == pytest.approx(2.0, rel=1.5)
     assert core["inputs.leap"].tolist() == [0.0, 0.0]
+    core["healthy.astray"] = 0.0
+    core.call("t_resume")  # for how long there was none nobody knows
+    assert round(packed(core, row(dt=2.0))["gap"][0] / drift) == 1000
 
 
 def test_a_run_begins_at_the_first_sample_or_after_a_gap_before_the_filter_runs() -> None:
@@ -237,3 +240,6 @@ def test_accepted_faults_of_instruments_are_corrected() -> None:
     core["normal.offset"], core["normal.noise"] = (0.3, 0.0), (1.0, np.inf)
     core.call("t_correct", sample)
     assert sample == pytest.approx(row((4.5, np.nan), (3.0, np.nan)), nan_ok=True)
+    core["normal.input_gain"], sample = (1.0, 0.0), row((4.0, np.nan))
+    core.call("t_correct", sample)
+    assert sample[2:4].tolist() == [4.5, 1.0]  # of one that stuck it is known without its record

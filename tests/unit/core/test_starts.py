@@ -8,6 +8,7 @@ import pytest
 
 from bare_core import CELL, Bare, bare
 from faultbond.arrays import FloatArray
+from faultbond.contract.core_settings import core_settings
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import EngineSpec, pack, unpack
@@ -44,13 +45,57 @@ void t_begin(State *state, const double *rows, const double *n, const double *on
     run_steps(group, &trail, (int64_t)*onset, trail.n, (int64_t)*onset, &state->normal, steps.sample, &filters.plain);
     for (int64_t k = 0; k < PLAIN_NUMBERS; k++) to[k] = group[k][0];
 }
+/* A lane after the samples from an onset on, which is that of the first sample of all if `early`. */
+void t_run(State *state, const double *rows, const double *n, const double *early, double *lane)
+{
+    static BankMemory bank;
+    Job *job = &state->job;
+    prepare_filters(&filters);
+    trail.past = &state->past;
+    trail.oldest = job->oldest = job->next = DEPTH - 2;
+    trail.n = (int64_t)*n;
+    job->end = job->oldest + trail.n - 1;
+    job->pass = NEAR_ONSETS;
+    job->onset = job->search.place[0] = 0;
+    job->search.early = *early != 0.0;
+    for (int64_t k = 0; k < trail.n; k++)
+        memcpy(row_of(&state->past, trail.oldest + k)->sample, rows + k * N_SAMPLE, N_SAMPLE * sizeof *rows);
+    for (int64_t k = 0; k < PLAIN_NUMBERS; k++)
+        for (int64_t l = 0; l < GROUP; l++) job->run[k][l] = lane[k];
+    run_group(state, &trail, INT64_MAX / 2, &bank, &filters);
+    for (int64_t k = 0; k < PLAIN_NUMBERS; k++) lane[k] = job->run[k][0];
+}
+/* What begins again, `elapsed` s before its lane has this size and rate: the size and rate with which it does. */
+int64_t t_again(State *state, const double *now, const double *elapsed, double *begun)
+{
+    static WideBlock wide;
+    double noted[FOUND];
+    int64_t slot = 0;
+    (void)state;
+    while (slot < N_SLOT_LANES && !(SLOT_LAG[slot] > 0.0)) slot++;
+    if (slot == N_SLOT_LANES) return -1;
+    note_slot(slot, now[0], now[1], 0.3 * *elapsed, noted);
+    begin_at_found(slot, noted, 0.7 * *elapsed, wide, 0);
+    begun[0] = wide[AT_SLOT][0];
+    begun[1] = wide[AT_SLOT + 1][0];
+    return 0;
+}
+int64_t t_worth(State *state, const double *count, const double *again)
+{
+    state->clock.index = (int64_t)*count - 1;
+    for (int64_t k = 0; k < (int64_t)*count; k++) {
+        double *sample = row_of(&state->past, k)->sample;
+        for (int j = 0; j < N_OUTPUTS; j++) sample[SAMPLE_USE + j] = k + 5 > (int64_t)*count || j == 0;
+    }
+    return worth_starting_from(state, (int64_t)*count, *again != 0.0);
+}
 void t_one(State *state, const double *sample, double *lane)
 {
     prepare_filters(&filters);
     advance_one(lane, sample, &state->normal, NULL, &filters.plain);
 }
 """
-PLANTS = ("tank", "rlc")
+PLANTS, START_SAMPLES = ("tank", "rlc"), int(core_settings()["START_SAMPLES"])
 
 
 @cache
@@ -236,3 +281,40 @@ def test_no_time_passes_twice_at_the_onset() -> None:
     for sample in samples[onset:]:
         cell.call("t_one", sample, expected)
     assert found == pytest.approx(expected, rel=1e-8, abs=1e-12)
+
+
+def test_time_passes_before_the_first_sample_of_all_as_for_the_healthy_filter() -> None:
+    """A lane that is begun before it has not taken its length yet, one that is begun at another onset has."""
+    cell = core("cell")
+    spec, n = cell.spec, 3
+    place, samples = spec.sample_fields, np.zeros((n, spec.n_sample))
+    samples[:, place["dt"]], samples[:, place["use"]], samples[:, place["scale"]] = 0.5, 1.0, 1.0
+    samples[:, place["fresh"]] = spec.input_variance
+    samples[:, place["u"]] = samples[:, place["u_before"]] = [3.0, 0.1]
+    for early in (0.0, 1.0):
+        found, expected = wide_lane(spec), wide_lane(spec)
+        cell.call("t_run", samples, np.array([float(n)]), np.array([early]), found)
+        taken = samples.copy()
+        taken[:, place["again"]], taken[:, place["bound"]] = 1.0, spec.thresholds.bank_bound
+        taken[0, place["dt"]] *= early
+        for sample in taken:
+            cell.call("t_one", sample, expected)
+        assert found == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(("again", "worth"), [(0.0, 200), (1.0, START_SAMPLES)])
+def test_a_stated_start_counts_where_the_filter_begins_only(again: float, worth: int) -> None:
+    """Of a filter that begins anew only the last samples are worth it, from where a sensor reads that was silent."""
+    stated = CELL.replace("{C1: 1 F}}", "{C1: 1 F}, start: {q: 1 C, sd: 0.1 C}}")
+    assert bare(CALLS, stated).call("t_worth", np.array([200.0]), np.array([again])) == worth
+
+
+@pytest.mark.parametrize("elapsed", [0.5, 2.0, 30.0])
+def test_a_step_that_lags_begins_again_with_the_rate_that_leads_to_where_it_is(elapsed: float) -> None:
+    """The rate fades: after t it is exp(-t/T) of the first one, and the size 1 - exp(-t/T) of that times T."""
+    lag, first = 2.0, 0.7
+    lagging = bare(CALLS, CELL.replace("settling: 3 s", f"lag: {lag} s"))
+    left, begun = np.exp(-elapsed / lag), np.zeros(2)
+    now = np.array([first * lag * (1.0 - left), first * left])
+    assert lagging.call("t_again", now, np.array([elapsed]), begun) == 0
+    assert begun == pytest.approx([0.0, first])

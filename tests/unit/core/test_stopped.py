@@ -22,8 +22,23 @@ static Diagnosis found;
 void t_take(State *state, const Sample *sample)
 {
     double packed[N_SAMPLE];
-    pack_sample(state, sample, &state->clock, &state->inputs, state->healthy.astray, packed);
+    Sample smooth = *sample;
+    smooth_inputs(&state->inputs, &smooth);
+    pack_sample(state, &smooth, &state->clock, &state->inputs, state->healthy.astray, packed);
     state->clock.index++;
+}
+static int64_t bias_of_w(void)
+{
+    int64_t slot = 0;
+    while (SLOT_INPUT[slot] != 1 || SLOT_KIND[slot] != KIND_BIAS) slot++;
+    return slot;
+}
+void t_accept(State *state) { absorb(state, bias_of_w(), KIND_BIAS, 0.2, 0.0, 0.0); }
+void t_renew(State *state)
+{
+    state->normal.input_gain[1] = 1.0;
+    state->normal.input_offset[1] = -0.2;
+    renew_instrument(state, bias_of_w());
 }
 void t_says(State *state, double *found)
 {
@@ -48,11 +63,12 @@ void t_score(State *state, double *found)
 """
 
 
-def watched(record: FloatArray) -> Bare:
+def watched(record: FloatArray, noise: str = "0.01 A") -> Bare:
     """A core that has seen these values of W, (n,), and no alarm."""
-    core = bare(CALLS, NOISY)
+    core = bare(CALLS, NOISY.replace("noise: 0.01 A", f"noise: {noise}"))
     core["clock.alarm"], core["inputs.held"], core["inputs.earlier"] = -1, np.nan, np.nan
     core["inputs.lowest"], core["inputs.highest"], core["sensors.nis"] = np.inf, -np.inf, 1.0
+    core["inputs.record"], core["inputs.habit"] = np.nan, 1.0
     core["sensors.shown"] = np.repeat([-1.0, 1.0], len(core.spec.outputs))
     see(core, record)
     return core
@@ -91,15 +107,46 @@ def scattering(n: int = 1000, quantum: float = 0.01) -> FloatArray:
 
 def test_of_a_record_that_scatters_its_stretches_and_its_turns_are_counted() -> None:
     core = watched(np.array([1.0, 1.0, 2.0, 3.0, 3.0, 3.0, 3.0, 2.0, 2.0, np.nan, np.nan, 2.0, 4.0]))
-    assert core["inputs.stood"][0] == 4  # 2, and what is not told, 2
+    assert core["inputs.stood"][0] == 2  # of 2, of which it is not known when it was not told
     assert core["inputs.turns"][0] == 1  # at 2, but not at 3, which was an end
     assert core["inputs.still"][0] == 0
     see(core, np.array([4.0, 4.0]))
     assert core["inputs.still"][0] == 2
     core["clock.alarm"] = core["clock.index"].copy()
     see(core, np.array([4.0] * 10 + [3.0, 4.0]))
-    assert core["inputs.stood"][0] == 4  # after the alarm nothing is learned
+    assert core["inputs.stood"][0] == 2  # after the alarm nothing is learned
     assert core["inputs.turns"][0] == 1
+
+
+def test_what_is_logged_when_it_changes_stands_where_it_is_not_told() -> None:
+    core = watched(scattering())
+    core["inputs.habit"] = 0.01
+    see(core, np.array([0.49, np.nan, np.nan, np.nan, 0.5]))
+    see(core, np.full(20, np.nan))
+    assert core["inputs.still"][0] == 20
+
+
+def test_of_a_record_that_is_smoothed_the_record_counts() -> None:
+    core = watched(scattering(), noise="0.01 A, noise_of: record")
+    assert core["inputs.turns"][0] >= TURNS
+    longest = core["inputs.stood"][0]
+    see(core, np.full(300, 0.5))
+    assert longest < core["inputs.still"][0] == 299  # its mean went on for long
+
+
+def test_how_long_a_record_was_wrong_is_no_measure_of_healthy_ones() -> None:
+    for call in ("t_accept", "t_renew"):
+        core = watched(scattering(), noise="0.01 A, noise_of: record")
+        longest = core["inputs.stood"][0]
+        see(core, np.full(300, 0.5))
+        before = core["inputs.trends"].copy().reshape(9, -1)
+        core.call(call)
+        after = core["inputs.trends"].reshape(9, -1)
+        assert core["inputs.held"][W] == pytest.approx(before[0, 0] + 0.2, abs=0.01)
+        assert after[:, 0] == pytest.approx(before[:, 0] + 0.2)  # what acts is not changed by knowing of it
+        assert np.array_equal(after[:, 1:], before[:, 1:])
+        see(core, np.array([0.5, 0.51, 0.49]))
+        assert core["inputs.stood"][0] == longest
 
 
 def test_a_record_that_stopped_before_the_alarm_says_how_seldom_it_stands_for_so_long() -> None:

@@ -60,6 +60,15 @@ int64_t t_alarm(State *state, const double *likelihood)
     lose(state);
     return state->clock.alarm;
 }
+int64_t t_alarm_of_slot(State *state)
+{
+    state->clock.alarm = 7;
+    for (int64_t k = 0; k < N_STEPS; k++) *number_of_step(&state->bank, k, PLAIN_LIKELIHOOD) = NAN;
+    for (int64_t k = 0; k < N_SLOT_LANES; k++)
+        *number_of_slot(&state->bank, k, WIDE_LIKELIHOOD) = SLOT_STICKS[k] ? -12.0 : NAN;
+    lose(state);
+    return state->clock.alarm;
+}
 void t_score(State *state, const double *one, const double *other) { state->inputs.gain = score_of(one, other, 0); }
 void t_drift(State *state, const double *moves, double *found)
 {
@@ -386,6 +395,7 @@ def test_an_alarm_of_which_nothing_is_left_ends() -> None:
         assert core["clock.detections"][0] == 1
         assert core["sure.since"][0] == -1
         assert not core.lane(1).any()
+    assert bare(CALLS).call("t_alarm_of_slot") == 7  # that a sensor sticks may be all that is left
 
 
 def drifted(rate: float, wander: float, dt: float, start: float = 1.0, sd: float = 0.1) -> tuple[float, float]:

@@ -112,6 +112,19 @@ def test_a_change_counts_from_before_the_fault_too() -> None:
     assert told(state)[0] == pytest.approx(part_within(index, 0.2 * accuracy), rel=1e-6)
 
 
+def test_a_change_that_comes_and_goes_counts_from_before_it_too() -> None:
+    """Its lanes have no onset of their own, so that it did not begin with the plant."""
+    slot = slot_of(kind=FaultKind.INTERMITTENT, parameter=0)
+    state = diagnosed()
+    state.only(state.n_steps + slot)
+    state["clock.accepted"], state["bank.onset"] = -1, 0
+    state.lane("slot", slot)[FIRST] = SPEC.parameters[0].healthy
+    before = state["bank.healthy"].copy()
+    before[FIRST] = 1.0 + 5.0 * SPEC.parameters[0].accuracy
+    state["bank.healthy"] = before
+    assert told(state)[0] < 1e-6
+
+
 def test_of_a_pair_the_part_within_the_accuracy_goes_to_the_other_alone() -> None:
     """A second suspect that hardly changed is none; where both hardly did, nothing is at fault."""
     k = len(SPEC.hypotheses) - 1

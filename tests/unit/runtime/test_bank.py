@@ -184,3 +184,18 @@ def test_parameters_that_were_accepted_as_drifting_move_on_in_the_bank(call: str
         assert np.all(moved[places] != 0.0)
         assert np.any(moved[:N] != 0.0)
         assert np.any(moved[N:] != 0.0)
+
+
+def test_what_comes_and_goes_is_not_weighed_by_samples_at_which_the_model_did_not_hold() -> None:
+    """How seldom it does goes by the part of a likelihood that counts, and so by the samples that are judged."""
+    found = []
+    for earlier, outside in ((0, 0), (2000, 2000), (2000, 0)):
+        core = restored(after(late()))
+        core["clock.index"] += earlier
+        core["clock.begun"] += earlier
+        core["alarm.outside"] = outside
+        core.call("t_advance", after(late() + 1).row(late())[0])
+        pairs = slice(N + PLAN.switched, N + PLAN.n_lanes)
+        found.append(np.array([lane[-1] for lane in lanes(core)[pairs]]))
+    assert np.array_equal(found[0], found[1])
+    assert not np.array_equal(found[0], found[2])

@@ -193,6 +193,18 @@ def test_small_faults_are_found_though_no_sample_surprises() -> None:
     assert repr(taken(Fleet(core, len(said)), data)) == repr(in_order([event for events in said for event in events]))
 
 
+def test_whether_an_input_left_its_value_each_asset_is_told_by_its_own_readings() -> None:
+    """A reading of one asset that is far off has nothing to do with what is recorded of another at that sample."""
+    core, at = built("loop")[1], 331
+    time, u, y = of_runs("loop", (None, None), 400)
+    u[1, at, 0] += 4.0
+    y[0, at, 1] += 15.0 * built("loop")[0].output_noise[1]
+    monitor, _ = watched(core, samples_of((time, u, y), 1), 1)
+    fleet = Fleet(core, 2)
+    assert taken(fleet, (time, u, y)) == ()
+    assert remembered(fleet.copy(1)) == remembered(monitor)
+
+
 def test_healthy_assets_are_watched_side_by_side_as_soon_as_they_are_warm() -> None:
     """The last sample that an asset takes by itself is that at which it becomes warm; the next five are as usual."""
     spec, core = built("dc_motor_current")
