@@ -80,7 +80,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x68c33d2ca3d48e3eULL, 0x47847c4166770ff6ULL, 0x367c510b5d76f183ULL, 0x96bc4c83d49ce2caULL};
+static const uint64_t MODEL_HASH[] = {0x7b4dabb00023ee97ULL, 0xba6db77d983f019aULL, 0xb305cf89074c18b2ULL, 0x5ba6a6b16ff9e266ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -162,6 +162,7 @@ static const double INPUT_STEP_PART[] = {0.01};
 static const double INPUT_HEALTHY_BIAS[] = {0.0};
 static const double INPUT_ZERO[] = {0.0};
 static const int INPUT_FACTOR[] = {-1};
+static const int INPUT_WANDER[] = {-1};
 static const int INPUT_RANGED[] = {0};
 static const double OUTPUT_NOISE[] = {0.1};
 static const double OUTPUT_HEALTHY_BIAS[] = {0.0};

@@ -310,6 +310,8 @@ def test_records_go_to_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         (["simulate", "m", "--inputs", "i", "-o", "o", "--fault", "K1"], "fault 'K1': expected NAME=VALUE@TIME"),
         (["simulate", "m", "--inputs", "i", "-o", "o", "--spread", "3"], "'3' is no percentage"),
         (["simulate", "m", "--inputs", "i", "-o", "o", "--lag", "3"], "`3` needs a time unit"),
+        (["analyse", "m", "--within", "3"], "argument --within: `3` needs a time unit"),
+        (["check", "m", "--promise", "3 h"], "--promise says how quiet recordings are to be: give healthy ones with"),
         (["simulate", "m", "--inputs", "i", "-o", "o", "--start", "x"], "--start 'x': expected STATE=VALUE"),
     ],
 )

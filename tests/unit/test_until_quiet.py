@@ -1017,6 +1017,28 @@ def test_a_model_that_hardly_watches_a_part_says_so(
     assert all(text.startswith(f"R: {why}") and "laws at source.e" in text for text in told)
 
 
+@pytest.mark.parametrize(("now", "deaf"), [(0.4, ()), (0.6, ("R",))])
+def test_of_what_is_nominally_nothing_half_of_its_change_counts(now: float, deaf: tuple[str, ...]) -> None:
+    """As of a leak, of whose value half is nothing."""
+    graph = parse_model(MODEL)
+    change = graph.parameter("R").change
+    before, after = (
+        SmallestFault(parameter="R", value=value, up=None, down=None, within=300.0, certainty=0.95, effects=())
+        for value in (0.02 * change, now * change)
+    )
+    found = Quieted(
+        fitted=cast("Any", SimpleNamespace(graph=graph, strays=(), values={"R": 0.0}, moves={})),
+        text="",
+        held=(),
+        stated=True,
+        promise=1e6,
+        added=(),
+        smallest_before=(before,),
+        smallest_after=(after,),
+    )
+    assert found.deaf == deaf
+
+
 def test_what_was_found_is_written_when_the_search_is_stopped(
     model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -126,7 +126,7 @@ def smallest_faults(
     within : s, default 300 samples
     onsets : times, s, of the samples at which the fault may begin; default four, spread over the run
     certainty : part of the realisations, over all onsets, that is to be found
-    hidden : parameters that are told as not found, with the reason: an unknown input may do the same
+    hidden : what is told as not found, with the reason: an unknown input may do the same
     seconds : processor time after which no further parameter is begun; None: no limit
 
     Raises
@@ -145,7 +145,8 @@ def smallest_faults(
         if name not in names:
             raise ModelError(f"{spec.model}: no parameter {name}; there are {', '.join(names)}")
     trusted = [item.name for item in spec.parameters if not item.suspect]
-    asked = [name for name in names if name not in trusted] if parameters is None else parameters
+    every = dict.fromkeys((*names, *hidden))  # a fault of an instrument that is hidden is not among the former
+    asked = [name for name in every if name not in trusted] if parameters is None else parameters
     grid = spec.sample_time or (float(np.median([item.dt for item in samples[1:]])) if samples else 1.0)
     length = max(round(WITHIN_SAMPLES if within is None else within / grid), 1)
     if samples is None:

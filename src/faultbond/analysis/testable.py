@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from itertools import combinations, islice
 from math import comb
 
+import numpy as np
+
 from faultbond.analysis.experiment import random_experiments
 from faultbond.analysis.ranks import Rank, ReducedSensitivities, reduce, set_ranks
 from faultbond.analysis.sensitivity import Recursion, Sensitivity, build_recursion, sensitivities
@@ -132,6 +134,25 @@ def choose_sets(model: StepModel, recursion: Recursion | None = None) -> Choice:
         sizes = range(1, graph.max_faults + 1)
         return Choice(sets=tuple(item for size in sizes for item in combinations(suspects, size)), dropped=())
     return sets_to_test(judge(seen, suspects, graph.max_faults))
+
+
+def unseen_instruments(model: StepModel, recursion: Recursion | None = None) -> frozenset[str]:
+    """Name the sensors and inputs of whose faults no run shows more than what unknown inputs may do, or the start.
+
+    No data contradict such a fault, as none do that of a parameter which is not identifiable: it would explain whatever
+    the unknown input has done. Without unknown inputs, or where no run tells anything, there is none.
+    """
+    graph = model.plant.graph
+    if not graph.unknown_inputs:
+        return frozenset()
+    try:
+        seen = reduce([generic_run(model, recursion, sudden=True)])
+    except StructureError:
+        return frozenset()
+    shown = np.linalg.norm(seen.matrix, axis=0) > seen.rank.low
+    faults = list(zip(seen.parameters, shown.tolist(), strict=True))[len(graph.parameters) :]
+    told = {name.rpartition(".")[0] for name, is_shown in faults if is_shown}
+    return frozenset(name.rpartition(".")[0] for name, _ in faults) - told
 
 
 def sets_to_test(judgement: Judgement) -> Choice:

@@ -13,7 +13,7 @@ from faultbond.analysis.input_advice import ENOUGH, Stimulus, input_advice
 from faultbond.analysis.other_roots import SECONDS as ROOT_SECONDS
 from faultbond.analysis.other_roots import other_solutions
 from faultbond.analysis.replay import recorded_runs
-from faultbond.analysis.sensitivity import Recursion, build_recursion
+from faultbond.analysis.sensitivity import BIAS, GAIN, Recursion, build_recursion
 from faultbond.analysis.sensor_advice import advise_sensors
 from faultbond.analysis.smallest import SECONDS as SIZE_SECONDS
 from faultbond.analysis.smallest import smallest_faults
@@ -29,6 +29,7 @@ from faultbond.app.section import Section, Work
 from faultbond.app.simulation import START_POINTS, solved_start, start_of
 from faultbond.app.wishes import Wishes
 from faultbond.arrays import FloatArray
+from faultbond.contract.spec import EngineSpec
 from faultbond.diagnosability.isolability import Interpretation, isolability
 from faultbond.diagnosability.overdetermined import minimal_sets, minimal_supports, signatures
 from faultbond.diagnosability.placement import sensors_to_isolate
@@ -256,7 +257,7 @@ def _smallest(study: _Study, wishes: Wishes, view: CapabilityView) -> Section:
             compiled_detector(spec.thresholds),
             samples,
             within=wishes.within,
-            hidden=_hidden(study, view),
+            hidden=_hidden(study, view, spec),
             seconds=seconds,
         )
         order = [item.name for item in spec.parameters]
@@ -277,12 +278,15 @@ def _guessed(study: _Study) -> dict[str, float]:
     return {item.name: level for item, level in levels if is_guessed(item)}
 
 
-def _hidden(study: _Study, view: CapabilityView) -> dict[str, str]:
-    """Give the parameters whose changes look like what an unknown input may do, each with the reason."""
+def _hidden(study: _Study, view: CapabilityView, spec: EngineSpec) -> dict[str, str]:
+    """Give what looks like what an unknown input may do, parameters and faults of instruments, each with the reason."""
     unknown = " and ".join(item.name for item in study.graph.unknown_inputs)
     names = [item.name for item in study.graph.parameters]
     single = [item for item in view.judgement.verdicts if len(item.parameters) == 1 and not item.identifiable]
-    return {names[item.parameters[0]]: f"what {unknown} may do hides it" for item in single if unknown}
+    hidden = [names[item.parameters[0]] for item in single if unknown]
+    hidden += [f"{item.name}{BIAS}" for item in spec.outputs if item.hidden]
+    hidden += [f"{item.name}{kind}" for kind in (BIAS, GAIN) for item in spec.inputs if item.hidden]
+    return dict.fromkeys(hidden, f"what {unknown} may do hides it")
 
 
 def _sensors(study: _Study) -> Section:

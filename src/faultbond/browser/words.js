@@ -148,9 +148,12 @@ function noClaim(diagnosis, detection) {
   const most = `Most likely the model is off (${probabilityText(diagnosis.mismatch)}${NO_BREAK}%)`;
   if (diagnosis.superseded) return supersededSentence(diagnosis.superseded);
   if (diagnosis.elsewhere) {
-    const alone = diagnosis.elsewhere.length === 1;
-    const does = alone ? "counts as healthy, is far from where it is" : "count as healthy, are far from where they are";
-    return `${most}: no suspect changed, but ${joined(diagnosis.elsewhere)}, which ${does} declared. Of what may fail say ` +
+    const names = joined(diagnosis.elsewhere), alone = diagnosis.elsewhere.length === 1;
+    const off = alone ? "is far from where it is declared" : "are far from where they are declared";
+    if (diagnosis.elsewhere.every((name) => MODEL.suspects[name].mayFail)) { // what no run with the model shows
+      return `Most likely nothing that was tested changed (${probabilityText(diagnosis.mismatch)}${NO_BREAK}%): ${names}, which ${alone ? "was" : "were"} not, ${off}.`;
+    }
+    return `${most}: no suspect changed, but ${names}, which ${alone ? "counts" : "count"} as healthy, ${off}. Of what may fail say ` +
       `\`suspect: yes\`; else mend what moves ${alone ? "it" : "them"}.`;
   }
   if (diagnosis.mismatch && !(detection.walk && hasWalked(diagnosis)))

@@ -86,6 +86,8 @@ def _add_check(verbs: Subparsers) -> None:
     def call(arguments: argparse.Namespace, out: Out) -> int:
         if arguments.data:
             app.check_data(arguments.model, tuple(arguments.data), promise=arguments.promise, out=out)
+        elif arguments.promise is not None:
+            raise FaultbondError("--promise says how quiet recordings are to be: give healthy ones with --data.")
         else:
             app.check(arguments.model, out=out, settings=arguments.settings)
         return DONE

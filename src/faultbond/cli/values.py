@@ -1,9 +1,10 @@
 """How the values of options are read; what is none is told in a line that says what was expected."""
 
+import argparse
 from collections.abc import Callable
 from math import isnan, nan
 
-from faultbond.errors import FaultbondError
+from faultbond.errors import FaultbondError, ModelError
 from faultbond.io.times import moment_of
 from faultbond.model.graph import Unit
 from faultbond.types import LOWEST_LEVEL, SURE
@@ -60,10 +61,19 @@ def seed(text: str) -> int:
 
 
 def time_span(text: str) -> float:
-    """Read a duration, s."""
+    """Read a duration, s.
+
+    Raises
+    ------
+    ArgumentTypeError
+        Where it is none; argparse tells it with the option.
+    """
     from faultbond.model.quantities import duration  # noqa: PLC0415 - loads what reads units; `run` needs none
 
-    return duration(text)
+    try:
+        return duration(text)
+    except ModelError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def start(text: str) -> tuple[str, float]:

@@ -95,6 +95,7 @@ class InputSpec:
     step_part: float  # larger than this part of the largest value seen
     lag: float = 0.0  # time constant, s, where a sensor would feel it at once without it
     suspect: bool = True
+    hidden: bool = False  # whether it is none since an unknown input may do all that a fault of it does
     unit: str = ""
     unit_factor: float = 1.0
     unit_offset: float = 0.0  # of its unit, such as 273.15 for degC; where there is one, 0 means nothing
@@ -127,6 +128,7 @@ class OutputSpec:
     unit_factor: float
     unit_offset: float
     suspect: bool = True
+    hidden: bool = False  # as of an input
     ranged: bool = False  # as of an input
     condition: int = -1  # under which it reads as stated, among `EngineSpec.settlings`; -1: always
     lag_states: tuple[int, ...] = ()  # the states by which it lags

@@ -143,6 +143,57 @@ static void share_products(const Bank *bank, int out, Ranking *ranking)
     }
 }
 
+/* What the lanes of wrong gains of an input say, whatever their kind, with which weight beside the others, and the hypothesis of
+   the input, -1: it is no suspect. */
+static double said_of_gains(const Ranking *ranking, int input, double *weight, int64_t *hypothesis)
+{
+    double said = -INFINITY;
+    *weight = -INFINITY;
+    *hypothesis = -1;
+    for (int64_t lane = 0; lane < SWITCHED; lane++) {
+        if (SLOT_INPUT[lane] != input || !SLOT_SCALES[lane]) continue;
+        said = log_add(said, ranking->weighted[N_STEPS + lane]);
+        *weight = log_add(*weight, SLOT_WEIGHT[lane]);
+        *hypothesis = SLOT_HYPOTHESIS[lane];
+    }
+    return said;
+}
+
+/* The same of a parameter alone, but for what comes and goes: as a step, whose starts weigh one together, and by lanes with a slot. */
+static double said_of_parameter(const Ranking *ranking, int64_t set, int parameter, double *weight)
+{
+    double said = -INFINITY;
+    *weight = 0.0;
+    for (int64_t lane = FIRST_LANE[set]; lane < FIRST_LANE[set + 1]; lane++) said = log_add(said, ranking->weighted[lane]);
+    for (int64_t lane = 0; lane < SWITCHED; lane++) {
+        if (SLOT_PARAMETER[lane] != parameter) continue;
+        said = log_add(said, ranking->weighted[N_STEPS + lane]);
+        *weight = log_add(*weight, SLOT_WEIGHT[lane]);
+    }
+    return said;
+}
+
+/* Let a wrong gain of an input, and a change of the parameter with which alone it acts, say what either says where that parameter
+   wanders: a wander that is as large as before after a change of the one would be less after one of the other, and which of both it is
+   nobody knows. What is ruled out stays so. */
+static void share_wanders(const Bank *bank, int out, Ranking *ranking)
+{
+    for (int input = 0; input < N_INPUTS; input++) {
+        double of_gains, of_parameter;
+        int64_t instrument;
+        const int parameter = INPUT_WANDER[input];
+        const int64_t set = parameter < 0 ? -1 : single_of(parameter);
+        if (set < 0 || is_out(bank, out, set)) continue;
+        const double gains = said_of_gains(ranking, input, &of_gains, &instrument);
+        if (instrument < 0 || is_out(bank, out, instrument)) continue;
+        const double own = said_of_parameter(ranking, set, parameter, &of_parameter), more = (gains - of_gains) - (own - of_parameter);
+        if (!isfinite(more)) continue;
+        for (int kind = 0; kind < N_KINDS && more > 0.0; kind++) ranking->kinds[set][kind] += more;
+        double *gain = &ranking->kinds[instrument][KIND_GAIN];
+        if (more < 0.0) *gain = fmax(*gain, own - of_parameter + weight_of_gain(instrument));
+    }
+}
+
 /* The scores of all hypotheses, and their best lanes; of lanes or kinds that are equally likely the first. */
 static void score_all(const State *state, int out, Ranking *ranking)
 {
@@ -165,6 +216,7 @@ static void score_all(const State *state, int out, Ranking *ranking)
         *total = log_add(*total, ranking->weighted[lane]);
     }
     share_products(bank, out, ranking);
+    share_wanders(bank, out, ranking);
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
         const double *kinds = ranking->kinds[k];
         double total = kinds[0];

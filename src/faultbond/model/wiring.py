@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -119,7 +119,7 @@ def _bonds(place: Spot, known: Mapping[str, object]) -> tuple[Bond, ...]:
     return tuple(bonds)
 
 
-def _check_bonds(source: Source, bonds: Iterable[Bond], parts: Mapping[str, Part]) -> None:
+def _check_bonds(source: Source, bonds: Sequence[Bond], parts: Mapping[str, Part]) -> None:
     """Check each bond by itself: its ends differ, it is stated once, and R, C and I receive power."""
     seen: dict[tuple[str, str], int] = {}
     for bond in bonds:
@@ -135,8 +135,12 @@ def _check_bonds(source: Source, bonds: Iterable[Bond], parts: Mapping[str, Part
             raise source.error(bond.line, f"{arrow} joins two sources; put a junction or an element between them")
         if tail and not tail.type.is_source and tail.type.n_ports == 1:
             turned = f"write `{bond.head} -> {bond.tail}`"
+            before = next((other.tail for other in bonds if other.head == bond.tail), None)
             if head and not head.type.is_source:
                 turned = "put a junction between the two"
+            elif before is not None:  # power does not flow through it
+                chain = f"`{before} -> between -> {bond.head}, between -> {bond.tail}`"
+                turned = f"it stands between {before} and {bond.head}: write {chain}, with a 1-junction `between`"
             raise source.error(bond.line, f"{arrow}: {tail.type.value} element {bond.tail} receives power; {turned}")
 
 

@@ -140,6 +140,7 @@ def _suspects(graph: BondGraph) -> list[tuple[str, Json]]:
             "owner": with_article(owner),
             "part": item.owner,
             "change": item.change if isfinite(item.change) else None,
+            "mayFail": item.suspect,
         }
         found.append((item.name, {**about, **_unit(item.unit)}))
     for name in (*(item.name for item in graph.sensors), *(item.name for item in graph.inputs)):

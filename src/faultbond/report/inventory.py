@@ -25,7 +25,7 @@ from faultbond.report.lateness import lag_lines, validity_lines
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
 from faultbond.report.oddities import oddities
 from faultbond.report.reservations import known_alarms
-from faultbond.report.shortcomings import active_texts, doubtful, hidden_suspects
+from faultbond.report.shortcomings import active_texts, doubtful, hidden_instruments, hidden_suspects
 from faultbond.report.suspects import owner_title
 from faultbond.report.together import together_texts
 from faultbond.report.verdict import step_text, unfalsifiable_text
@@ -519,11 +519,11 @@ def _check_row(item: Check, graph: BondGraph) -> tuple[str, str, str]:
 
 
 def _left_out(spec: EngineSpec) -> Iterator[tuple[str, str]]:
-    """Name the parameters that no hypothesis changes alone, with the reason."""
+    """Name what no hypothesis is about alone, with the reason."""
     trusted = ", ".join(item.name for item in spec.parameters if not item.suspect)
     if trusted:
         yield "not tested", f"{trusted}: trusted, unless the model file says `suspect: yes`"
-    if hidden := ", ".join(hidden_suspects(spec)):
+    if hidden := ", ".join((*hidden_suspects(spec), *hidden_instruments(spec))):
         yield "not tested", f"{hidden}: no data fix such a change by itself; `analyse` tells why"
 
 

@@ -97,9 +97,15 @@ class Quieted:
         return self.health is not None and self.health.keeps and not self.alarms
 
     @property
+    def half(self) -> dict[str, float]:
+        """Half of each parameter, and of what is nominally 0 of its `change`, SI."""
+        changes = {item.name: item.change for item in self.fitted.graph.parameters}
+        return {name: DEAF * (abs(value) or changes[name]) for name, value in self.fitted.values.items()}
+
+    @property
     def deaf(self) -> tuple[str, ...]:
         """Parameters of which no change by less than half is found or claimed, and clearly smaller ones were before."""
-        most, half = {}, {name: DEAF * abs(value) for name, value in self.fitted.values.items()}
+        most, half = {}, self.half
         for item in self.smallest_before:
             if item.value is not None and item.parameter in half:
                 is_watched = item.value <= half[item.parameter]
@@ -531,8 +537,8 @@ def _deaf_lines(found: Quieted) -> list[tuple[str, str]]:
         return []
     slow = [item.what.place for item in found.added if item.what.is_slow]
     what = f"what is missing in the laws at {join(slow)}" if slow else "what is missing in the model"
-    values, smallest = found.fitted.values, {item.parameter: item.value for item in found.smallest_after}
-    hidden = [name for name in found.deaf if not _is_below(smallest[name], DEAF * abs(values[name]))]
+    half, smallest = found.half, {item.parameter: item.value for item in found.smallest_after}
+    hidden = [name for name in found.deaf if not _is_below(smallest[name], half[name])]
     moving = [name for name in found.deaf if name not in hidden]
     shown = f"{join(hidden)}: only changes by more than half show through all that the model may do while healthy"
     known = f"{join(moving)}: seen to move so far while healthy (`healthy_change`) that smaller changes are not claimed"

@@ -38,14 +38,13 @@ def _off_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> s
     most, walk = f"Most likely the model is off ({probability_text(diagnosis.mismatch)} %)", began.walk
     tested = {name for item in diagnosis.candidates for name in item.parameters}
     if diagnosis.elsewhere:
-        alone = len(diagnosis.elsewhere) == 1
-        does = (
-            "counts as healthy, is far from where it is" if alone else "count as healthy, are far from where they are"
-        )
-        return (
-            f"{most}: no suspect changed, but {join(diagnosis.elsewhere)}, which {does} declared. Of what may fail say "
-            f"`suspect: yes`; else mend what moves {'it' if alone else 'them'}."
-        )
+        names, alone = join(diagnosis.elsewhere), len(diagnosis.elsewhere) == 1
+        off = "is far from where it is declared" if alone else "are far from where they are declared"
+        if all(graph.parameter(name).suspect for name in diagnosis.elsewhere):  # what no run with the model shows
+            told = f"Most likely nothing that was tested changed ({probability_text(diagnosis.mismatch)} %)"
+            return f"{told}: {names}, which {'was' if alone else 'were'} not, {off}."
+        told = f"{most}: no suspect changed, but {names}, which {'counts' if alone else 'count'} as healthy, {off}."
+        return f"{told} Of what may fail say `suspect: yes`; else mend what moves {'it' if alone else 'them'}."
     if walk is not None and walk.parameter not in tested and has_walked(graph, diagnosis):
         told = f"{most}: {walk.parameter}, which counts as healthy, had to move too far."
         return f"{told} {cure_of_walk(graph, walk.parameter)}"

@@ -58,8 +58,16 @@ def hidden_suspects(spec: EngineSpec) -> tuple[str, ...]:
     return tuple(item.name for k, item in enumerate(spec.parameters) if item.suspect and k not in told)
 
 
+def hidden_instruments(spec: EngineSpec) -> tuple[str, ...]:
+    """Name the sensors and inputs whose faults an unknown input may hide, which no hypothesis is about either."""
+    kinds = (("sensor", spec.outputs), ("input", spec.inputs))
+    return tuple(f"{kind} {item.name}" for kind, items in kinds for item in items if item.hidden)
+
+
 def hidden_sentence(spec: EngineSpec) -> str:
     """Say after an alarm what it was not put down to, since no data seemed to fix it; empty where all was tested."""
-    hidden = list(hidden_suspects(spec))
-    told = f"It was not tested whether {join(hidden)} changed, of which no run with the model showed anything"
-    return f"{told}: such a fault is put down to others." if hidden else ""
+    changed, wrong = list(hidden_suspects(spec)), list(hidden_instruments(spec))
+    asked = [f"{join(changed)} changed"] if changed else []
+    asked += [f"{join(wrong)} {'is' if len(wrong) == 1 else 'are'} wrong"] if wrong else []
+    told = f"It was not tested whether {', or whether '.join(asked)}, of which no run with the model showed anything"
+    return f"{told}: such a fault is put down to others." if asked else ""

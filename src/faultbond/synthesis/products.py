@@ -47,6 +47,7 @@ def _points(plant: Plant) -> Iterator[list[FloatArray]]:
     whose pump does not lift the water.
     """
     generator = np.random.default_rng(0)
+    wanders = [item.wanders for item in plant.graph.slow_errors]
     nominal, usual = np.array([item.nominal for item in plant.graph.parameters]), reference_inputs(plant)
     ranges = [
         item.fitted_range or (SPREAD[0] * u, SPREAD[1] * u) for item, u in zip(plant.graph.inputs, usual, strict=True)
@@ -56,7 +57,8 @@ def _points(plant: Plant) -> Iterator[list[FloatArray]]:
         drawn = [generator.uniform(*SPREAD, nominal.shape if size is None else size) for size in sizes]
         drawn[1] = np.array([generator.uniform(*item) for item in ranges])
         drawn[2] *= nominal
-        drawn[3] *= 0.01  # errors of laws are small
+        drawn[3] *= 0.01  # errors of laws are small,
+        drawn[3][wanders] = 0.0  # and what wanders is at its usual value: it may be no part of that
         yield drawn
 
 

@@ -7,7 +7,7 @@ from math import ceil, inf
 
 import numpy as np
 
-from faultbond.analysis.testable import EXPLAINS_ANYTHING, choose_sets
+from faultbond.analysis.testable import EXPLAINS_ANYTHING, choose_sets, unseen_instruments
 from faultbond.arrays import FloatArray
 from faultbond.contract.spec import (
     CheckSpec,
@@ -44,7 +44,7 @@ def build_spec(model: StepModel) -> EngineSpec:
     """Give the engine's contract for a discrete-time model."""
     plant = model.plant
     graph = plant.graph
-    choice = choose_sets(model)
+    choice, hidden = choose_sets(model), unseen_instruments(model)
     drifts = _drifts(model)
     states = tuple(_state(model, k, float(drifts[k])) for k in range(len(model.states)))
     begun, reserve = _in_turn(choice.sets)
@@ -74,10 +74,13 @@ def build_spec(model: StepModel) -> EngineSpec:
         slow_errors=slow,
         parameters=tuple(_parameter(item, *_lateness(model, lags, k)) for k, item in enumerate(graph.parameters)),
         inputs=tuple(
-            _input(item, factor, lags.get(k, 0.0), acts=item.name in graph.acting_inputs)
+            _input(item, factor, lags.get(k, 0.0), acts=item.name in graph.acting_inputs, hidden=item.name in hidden)
             for k, (item, factor) in enumerate(zip(graph.inputs, factors_of_inputs(plant), strict=True))
         ),
-        outputs=tuple(_output(item, model.felt[k], conditions, stores) for k, item in enumerate(graph.sensors)),
+        outputs=tuple(
+            _output(item, model.felt[k], conditions, stores, hidden=item.name in hidden)
+            for k, item in enumerate(graph.sensors)
+        ),
         loops=tuple(float(value) for value in model.reference_implicit),
         hypotheses=begun,
         reserve=reserve,
@@ -276,7 +279,7 @@ def _place(stated: Validity | None, conditions: tuple[Validity, ...]) -> int:
     return -1 if stated is None else conditions.index(stated)
 
 
-def _input(item: Input, factor: int, lag: float, *, acts: bool) -> InputSpec:
+def _input(item: Input, factor: int, lag: float, *, acts: bool, hidden: bool) -> InputSpec:
     """Give an input; one that no law names only says in which state the plant is, and may take any value."""
     percent = item.unit.text == "percent"
     noise = _STEP_NOISE * item.noise
@@ -287,7 +290,8 @@ def _input(item: Input, factor: int, lag: float, *, acts: bool) -> InputSpec:
         step=max(100.0 * _STEP_PART if percent else 0.0, noise),
         step_part=0.0 if percent else _STEP_PART,
         lag=lag,
-        suspect=item.suspect,
+        suspect=item.suspect and not hidden,
+        hidden=item.suspect and hidden,
         unit=item.unit.text,
         unit_factor=item.unit.factor,
         unit_offset=item.unit.offset,
@@ -301,7 +305,7 @@ def _input(item: Input, factor: int, lag: float, *, acts: bool) -> InputSpec:
 
 
 def _output(
-    item: Sensor, direct: tuple[int, ...], conditions: tuple[Validity, ...], stores: Sequence[Store]
+    item: Sensor, direct: tuple[int, ...], conditions: tuple[Validity, ...], stores: Sequence[Store], *, hidden: bool
 ) -> OutputSpec:
     return OutputSpec(
         name=item.name,
@@ -310,7 +314,8 @@ def _output(
         unit=item.unit.text,
         unit_factor=item.unit.factor,
         unit_offset=item.unit.offset,
-        suspect=item.suspect,
+        suspect=item.suspect and not hidden,
+        hidden=item.suspect and hidden,
         ranged=bool(np.isfinite(item.lower) and np.isfinite(item.upper)),
         condition=_place(item.valid_when, conditions),
         lag_states=tuple(k for k, store in enumerate(stores) if item.lag and store.owner == item.name),

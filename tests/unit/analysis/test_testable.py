@@ -18,12 +18,15 @@ from faultbond.analysis.testable import (
     generic_run,
     judge,
     sets_to_test,
+    unseen_instruments,
 )
 from faultbond.arrays import FloatArray
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
 from faultbond.errors import StructureError
 from faultbond.model.text import parse_model
+from faultbond.report.shortcomings import hidden_sentence
+from faultbond.synthesis.specify import build_spec
 from plants import example, named, run, stated
 
 TABLE_6_5 = [*[(name,) for name in "RLKJC"], *combinations("RLKJC", 2)]
@@ -270,3 +273,43 @@ sensors: {p: {reads: vessel.e, unit: bar, noise: 0.1 bar}}
     fitted = text.replace("unit: bar}}\ncomp", "unit: bar, fitted_range: [130, 170]}}\ncomp")
     assert choose_sets(build_step_model(build_plant(parse_model(text)))).dropped == (((2,), NOT_IDENTIFIABLE),)
     assert choose_sets(build_step_model(build_plant(parse_model(fitted)))).sets == ((0,), (1,), (2,))
+
+
+DRAINED = """\
+name: tank in the rain
+sample_time: 1 s
+constants: {full: 100 percent}
+inputs:
+  u: {unit: percent}
+  v: {unit: percent}
+  rain: {unit: l/s, unknown: 0.02 l/s over 300 s}
+components:
+  pump: {type: Sf, law: f = G*u, parameters: {G: 2e-6 m^3/s/percent}}
+  tank1: {type: C, law: e = q/A1, parameters: {A1: 0.015 m^2}}
+  pipe: {type: R, law: f = K12*sign(e)*sqrt(abs(e)), parameters: {K12: 1.6e-4 m^2.5/s}}
+  tank2: {type: C, law: e = q/A2, parameters: {A2: 0.015 m^2}}
+  outlet: {type: R, law: f = K2*v/full*sqrt(e), parameters: {K2: 2e-4 m^2.5/s}}
+  roof: {type: Sf, law: f = rain}
+junctions: {n1: 0, n2: 0, mid: 1}
+bonds: [pump -> n1 -> tank1, n1 -> mid -> n2, mid -> pipe, n2 -> tank2, n2 -> outlet, roof -> n2]
+sensors:
+  l1: {reads: n1.e, unit: cm, noise: 0.1 cm}
+  l2: {reads: n2.e, unit: cm, noise: 0.1 cm}
+"""
+
+
+def test_an_instrument_whose_fault_an_unknown_input_may_do_is_no_hypothesis() -> None:
+    """As the parameters of which that is so: the outlet's valve, its coefficient and the second tank; no sensor is."""
+    model = build_step_model(build_plant(parse_model(DRAINED)))
+    assert unseen_instruments(model) == {"v"}
+    spec = build_spec(model)
+    assert [item.name for item in spec.instruments] == ["l1", "l2", "u"]
+    assert hidden_sentence(spec) == (
+        "It was not tested whether A2 and K2 changed, or whether input v is wrong, of which no run with the model "
+        "showed anything: such a fault is put down to others."
+    )
+    known = build_step_model(build_plant(parse_model(DRAINED.replace(", unknown: 0.02 l/s over 300 s", ""))))
+    assert unseen_instruments(known) == frozenset()
+    spec = build_spec(known)
+    assert {item.name for item in spec.instruments} >= {"l1", "l2", "u", "v"}
+    assert hidden_sentence(spec) == ""

@@ -315,6 +315,13 @@ def test_what_is_trusted_and_has_changed_is_told(walker: str, history: History) 
         "Most likely the model is off (93.0 %): no suspect changed, but K3 and K6, which count as healthy, are "
         "far from where they are declared. Of what may fail say `suspect: yes`; else mend what moves them."
     )
+    hidden = verdict_sentence(
+        GRAPH, shown, RunCounts(samples=9), Notation.FILE
+    )  # suspects of which no run shows anything
+    assert hidden == (
+        "Most likely nothing that was tested changed (93.0 %): K3 and K6, which were not, are far from where they are "
+        "declared."
+    )
 
 
 def test_a_model_that_is_known_to_alarm_is_told_with_its_cure(history: History) -> None:

@@ -32,6 +32,7 @@ sensors: {level: {reads: node.e, unit: Pa, noise: 20 Pa}, drain: {reads: outlet.
         ("K*valve*sqrt(e)", "K*sqrt(e*valve**2)", ("G", "K")),
         ("K*valve*sqrt(e)", "K*valve*(valve/full)*sqrt(e)", ("G", "K")),
         ("K*valve*sqrt(e)", "K*valve*(valve/full)**-0.3*sqrt(e)", ("G", "K")),
+        ("K: 1e-7 m^3/s/Pa^0.5/percent", "K: {nominal: 1e-7 m^3/s/Pa^0.5/percent, wander: 5 % over 1 h}", ("G", "K")),
         ("K*valve*sqrt(e)", "K*valve*exp(valve/full)*sqrt(e)", ("G", "")),
         ("K*valve*sqrt(e)", "K*(valve + 1)*sqrt(e)", ("G", "")),
         ("K*valve*sqrt(e)", "K*valve*sqrt(e)*(1 + speed/full)", ("", "K")),
