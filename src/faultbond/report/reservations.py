@@ -90,7 +90,10 @@ def _not_asked(graph: BondGraph) -> Iterator[str]:
     """Say what was not tested and may explain the data: more faults at once, an actuator that has become slow."""
     if _could_be_more(graph):
         many = "one fault at once was" if graph.max_faults == 1 else f"{graph.max_faults} faults at once were"
-        yield f"More than {many} not tested (`max_faults: {graph.max_faults}`)."
+        pairs = (
+            ", nor two of which both move or stick, or one scatters or comes and goes" if graph.max_faults > 1 else ""
+        )
+        yield f"More than {many} not tested (`max_faults: {graph.max_faults}`){pairs}."
     slow = [item for item in graph.inputs if item.suspect and _may_be_slow(graph, item)]
     if slow:
         yield f"{_not_asked_of(slow)}."

@@ -106,8 +106,8 @@ def test_what_nothing_explains_is_no_verdict_on_a_part() -> None:
     verdict = text[text.index("None of the modelled") :]
     assert verdict.startswith(
         "None of the modelled faults explains this: the best fit is still 3.2 standard deviations off in flow between "
-        "3000 s and 4000 s, on average. More than 2 faults at once were not tested (`max_faults: 2`). Nearest comes "
-        "pipe K1."
+        "3000 s and 4000 s, on average. More than 2 faults at once were not tested (`max_faults: 2`), nor "
+        "two of which both move or stick, or one scatters or comes and goes. Nearest comes pipe K1."
     )
     assert "sure" not in verdict
     assert "unit change ─" in text  # and no column of percentages
