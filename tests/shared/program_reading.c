@@ -21,6 +21,8 @@ int64_t size_of_outcome(void) { return (int64_t)sizeof(Outcome); }
 double number_of(const char *text) { return number_in(text); }
 double moment_of(char *text) { return moment_in(text_strip(text)); }
 
+static void tell(const char *line) { fprintf(stderr, "faultbond: %s\n", line); }
+
 /* Read a text of n bytes in portions of pseudo-random size up to `most`, from where `before` stood if it is not NULL; where
    `stops`, it ends by a stop behind the last byte. */
 void read_text(const char *bytes, size_t n, size_t most, int stops, const GridClock *before, Point *points, size_t room,
@@ -31,7 +33,7 @@ void read_text(const char *bytes, size_t n, size_t most, int stops, const GridCl
     Point point;
     int got;
     memset(outcome, 0, sizeof *outcome);
-    reader_begin(&reader);
+    reader_begin(&reader, tell);
     if (before != NULL) reader_go_on(&reader, before);
     for (int last = 0; !last;) {
         state = state * 1664525u + 1013904223u;

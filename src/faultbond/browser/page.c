@@ -1,5 +1,5 @@
 /* The program `watch` as a library for a page of a browser: bytes of CSV in, records as lines of JSON out, and the samples
-   as the plots show them. It needs nothing of the machine: what it says goes to two functions of the page.
+   as the plots show them. It needs nothing of the machine: what it says goes to three functions of the page.
 
    page_begin();                                            1, or 0 where the core is of another model
    page_take(n, is_last) for n bytes at page_room();        0, or 1 where the recording is refused: see page_text()
@@ -23,6 +23,7 @@
 
 IMPORTED("records") void page_records(const char *bytes, size_t n);
 IMPORTED("samples") void page_samples(const double *numbers, int n);
+IMPORTED("remark") void page_remark(const char *line);
 
 static Plant the_plant;
 static Reader the_reader;
@@ -67,7 +68,7 @@ EXPORTED("begin") int page_begin(void)
     if (!plant_begin(&the_plant)) return 0;
     course_begin(&the_course, &the_plant, &the_json, NO_LEVEL);
     the_course.show = show_samples;
-    reader_begin(&the_reader);
+    reader_begin(&the_reader, page_remark);
     write_run(&the_json, NAN);
     return 1;
 }

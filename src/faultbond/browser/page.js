@@ -52,7 +52,8 @@ function heard(run, message) {
 
 function heardLast(run) {
   state.worker.terminate();
-  if (run.over.code >= 2 && run.over.code !== 4) tellProblem(problemText(run));
+  const isRefused = run.over.code >= 2 && run.over.code !== 4;
+  tellProblem([...run.remarks.map((text) => named(text, run.name)), ...isRefused ? [problemText(run)] : []].join(" "));
   if (!run.count) state.isPlaying = false;
   const link = byId("save");
   if (link.href) URL.revokeObjectURL(link.href);
@@ -63,8 +64,10 @@ function heardLast(run) {
 // What the program says of a recording that it refuses, with the name of the file.
 function problemText({ name, over }) {
   if (over.code === 3) return `The program failed: ${over.text}.`;
-  return over.text.replace(/^(standard input|-)(?=:)/, name).replace(/^line (?=\d)/, `${name}: line `);
+  return named(over.text, name);
 }
+
+const named = (text, name) => text.replace(/^(standard input|-)(?=:)/, name).replace(/^line (?=\d)/, `${name}: line `);
 
 function tellProblem(text) {
   byId("problem").textContent = text;

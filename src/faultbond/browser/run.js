@@ -30,6 +30,7 @@ class Run {
     this.width = 2 + MODEL.inputs.length + 4 * MODEL.sensors.length + MODEL.nSlow;
     this.columns = Object.fromEntries(this.plan.map(({ name: key }) => [key, []]));
     this.lines = [];              // records as the program wrote them
+    this.remarks = [];            // what it said of the recording beside them
     this.detections = [];         // each with `at`, the number of samples that came before it
     this.diagnoses = [];
     this.end = null;              // the last record
@@ -57,7 +58,8 @@ class Run {
     if (this.diagnoses.length > CURVES) this.diagnoses = this.diagnoses.filter((item, k, all) => k % 2 === 0 || k === all.length - 1);
   }
 
-  take({ samples, lines, share, over }) {
+  take({ samples, lines, remarks = [], share, over }) {
+    this.remarks.push(...remarks);
     samples.forEach((numbers) => this.takeSamples(numbers));
     lines.forEach((line) => this.takeLine(line));
     this.share = share;

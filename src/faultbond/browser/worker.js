@@ -6,12 +6,14 @@ const PORTION = 8192; // bytes passed at a time: what is found is on the screen 
 
 let program;          // what the module exports
 let samples = [];     // numbers of the samples since the last message
+let remarks = [];     // what is said beside the records,
 let lines = [];       // records since then, each with the number of samples that came before it
 let passed = 0;       // samples
 let begun = "";       // of a line that is not whole yet
 let decoder = new TextDecoder();
 
 const page = {
+  remark(at) { remarks.push(textAt(at)); },
   samples(at, count) {
     samples.push(new Float64Array(program.memory.buffer, at, count * program.sample_numbers()).slice());
     passed += count;
@@ -24,14 +26,17 @@ const page = {
   },
 };
 
-function told() {
-  const memory = new Uint8Array(program.memory.buffer, program.text());
-  return decoder.decode(memory.subarray(0, memory.indexOf(0)));
+function textAt(at) {
+  const memory = new Uint8Array(program.memory.buffer, at);
+  return new TextDecoder().decode(memory.subarray(0, memory.indexOf(0)));
 }
 
+const told = () => textAt(program.text());
+
 function send(more) {
-  postMessage({ samples, lines, ...more }, samples.map((part) => part.buffer));
+  postMessage({ samples, lines, remarks, ...more }, samples.map((part) => part.buffer));
   samples = [];
+  remarks = [];
   lines = [];
 }
 

@@ -57,6 +57,8 @@ static Keeper the_keeper;
 static Out the_out;
 static char the_bytes[INPUT_ROOM];
 
+static void tell(const char *line) { fprintf(stderr, "faultbond: %s\n", line); }
+
 static int complain(const char *what, const char *of)
 {
     fprintf(stderr, "watch: %s%s\n", what, of);
@@ -285,7 +287,7 @@ static int watch_plant(const Wishes *wishes, Plant *plant, Json *json)
     course_begin(&the_course, plant, json, wishes->level);
     if (wishes->decision.what && !goes_on) return no_run(wishes->state);
     if (wishes->decision.what) return decide(&the_keeper, &wishes->decision, &the_course, &found);
-    reader_begin(&the_reader);
+    reader_begin(&the_reader, tell);
     if (goes_on) {
         reader_go_on(&the_reader, &the_keeper.clock);
         course_go_on(&the_course, last_time, &found);

@@ -1,7 +1,7 @@
 /* CSV text in, grid points out: all of the reading side behind ten functions, without allocation.
 
    static Reader reader;                                      (some 300 KiB: not on a stack)
-   reader_begin(&reader);
+   reader_begin(&reader, tell);                               (tell: takes lines that are said beside the points)
    reader_go_on(&reader, &clock);                             (only where a run is gone on from)
    for (int last = 0; !last;) {
        const long n = read(0, bytes, sizeof bytes);
@@ -49,9 +49,10 @@ typedef struct {
 } Reader;
 
 /* Before the first byte. */
-static inline void reader_begin(Reader *reader)
+static inline void reader_begin(Reader *reader, void (*tell)(const char *line))
 {
     csv_begin(&reader->csv);
+    reader->layout.tell = tell;
     reader->layout.first_time = 0.0;
     means_begin(&reader->means, NAN);
     grid_begin(&reader->grid);
@@ -113,7 +114,10 @@ static inline int reader_read_header(Reader *reader)
 static inline int reader_passes_over(Reader *reader)
 {
     if (reader->layout.count == 0) return 0;
-    if (!reader->has_passed_over) fprintf(stderr, "faultbond: %s The line is passed over.\n", reader->message);
+    if (!reader->has_passed_over) {
+        text_add(reader->message, MESSAGE_ROOM, " The line is passed over.", MESSAGE_ROOM);
+        reader->layout.tell(reader->message);
+    }
     reader->has_passed_over = 1;
     reader->layout.count++;
     reader->grid.counts.untimed++;

@@ -16,13 +16,14 @@
 
 /* place: of each column in a record; -1: it has none. wanted: the places in order, each once. slot: of each column in
    `wanted`. count: rows so far. first_time: of the first row, where there is no column of time. is_told: whether it was said that
-   a column holds text; n_told: of how many. */
+   a column holds text; n_told: of how many; tell: takes a line of what is said beside the records, without an end of line. */
 typedef struct {
     int64_t n_fields, place[N_COLUMNS], wanted[N_COLUMNS];
     int slot[N_COLUMNS], n_wanted;
     int64_t count;
     double first_time;
     int is_told[N_COLUMNS], n_told;
+    void (*tell)(const char *line);
 } Layout;
 
 /* Whether a column is looked for. */
@@ -298,7 +299,7 @@ static inline void tell_texts(Layout *layout, char *const *fields, const TableRo
     static const char *const SWITCHES[] = {"on", "off", "true", "false", "yes", "no", "open", "closed", "running", "stopped"};
     for (int c = 0; c < N_COLUMNS && layout->n_told < TOLD_COLUMNS; c++) {
         const char *const field = layout->place[c] >= 0 ? fields[layout->slot[c]] : NULL;
-        char shown[4 * SHOWN_LETTERS + 1];
+        char shown[4 * SHOWN_LETTERS + 1], line[MESSAGE_ROOM];
         int is_switch = 0;
         if (field == NULL || layout->is_told[c] || isfinite(c > 0 ? number_in(field) : row->time) || is_nothing(field)) continue;
         layout->is_told[c] = 1;
@@ -309,11 +310,12 @@ static inline void tell_texts(Layout *layout, char *const *fields, const TableRo
             if ((*at > 0 && *at < ' ') || *at == 127) *at = '?'; /* what a terminal would obey */
         for (size_t k = 0; k < sizeof SWITCHES / sizeof SWITCHES[0]; k++) is_switch = is_switch || text_is(field, SWITCHES[k]);
         if (c == 0)
-            fprintf(stderr, "faultbond: column %s, line %lld: '%s' is no time; its row is not used.\n", COLUMN_SHOWN[c],
-                    (long long)row->line, shown);
+            (void)snprintf(line, sizeof line, "column %s, line %lld: '%s' is no time; its row is not used.", COLUMN_SHOWN[c],
+                           (long long)row->line, shown);
         else
-            fprintf(stderr, "faultbond: column %s (%s), line %lld: '%s' is no number%s; it counts as missing.\n", COLUMN_SHOWN[c],
-                    COLUMN_ROLE[c], (long long)row->line, shown, is_switch ? ", write 1 or 0 for it" : "");
+            (void)snprintf(line, sizeof line, "column %s (%s), line %lld: '%s' is no number%s; it counts as missing.", COLUMN_SHOWN[c],
+                           COLUMN_ROLE[c], (long long)row->line, shown, is_switch ? ", write 1 or 0 for it" : "");
+        layout->tell(line);
     }
 }
 

@@ -212,6 +212,22 @@ def test_a_bad_recording_is_refused_in_the_words_of_run(page: Any, recordings: d
         assert page.inner_text("#problem").split(name)[1] in out.getvalue()
 
 
+def test_what_is_said_beside_the_records_is_told(page: Any, recordings: dict[str, Path], tmp_path: Path) -> None:
+    """As `run` says it on standard error: text for a number, and a line that is no row."""
+    header, *rows = recordings["short"].read_text(encoding="utf-8").splitlines()
+    cells = rows[5].split(",")
+    rows[5], rows[8] = ",".join([*cells[:3], "Bad", *cells[4:]]), rows[8] + ",7"
+    name = header.split(",")[3]
+    (tmp_path / "texts.csv").write_text("\n".join([header, *rows, ""]), encoding="utf-8")
+    play(page, tmp_path / "texts.csv")
+    told = page.inner_text("#problem")
+    assert f"column '{name}' (sensor {name}), line 7: 'Bad' is no number; it counts as missing." in told
+    assert "texts.csv:10: this row has 6 fields, the header 5." in told
+    assert told.endswith("The line is passed over.")
+    play(page, recordings["short"])
+    assert not page.is_visible("#problem")
+
+
 def test_a_sensor_that_never_reads_is_told(page: Any, recordings: dict[str, Path]) -> None:
     """The plant is called healthy for what was watched only."""
     play(page, recordings["deaf"])

@@ -1,6 +1,8 @@
 """The drawing and the plots of the page that `generate --web` writes; no program is needed to look at them."""
 
 import re
+import shutil
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +10,7 @@ import pytest
 
 from faultbond.model.text import load_model
 from faultbond.report.browser import BuiltInRecording, render_browser_page
+from faultbond.synthesis import browser_module as module
 from faultbond.synthesis.engine import build_model
 from faultbond.synthesis.specify import build_spec
 
@@ -83,3 +86,21 @@ def test_what_is_played_is_drawn_up_to_now(browser: Any, tmp_path: Path) -> None
         assert wrong == []
     finally:
         page.close()
+
+
+@pytest.mark.skipif(shutil.which("nm") is None or shutil.which("cc") is None, reason="no cc, or no nm")
+def test_the_program_of_the_page_needs_no_stream(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With one of these the module asks the page for a system, and does not begin."""
+    texts: dict[str, str] = {}
+    monkeypatch.setattr(module, "compile_wasm", lambda given, names: texts.update(given) or b"")
+    module.browser_module(load_model(EXAMPLES / "rc" / "model.yaml"))
+    for name, text in texts.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    places = [f"-I{tmp_path / folder}" for folder in ("", "core", "program")]
+    command = ["cc", "-O1", "-w", *places, "-c", str(tmp_path / "page.c"), "-o", str(tmp_path / "page.o")]
+    subprocess.run(command, check=True)
+    told = subprocess.run(["nm", "-u", str(tmp_path / "page.o")], check=True, capture_output=True, text=True).stdout
+    asked = set(told.split()[1::2])
+    assert {"page_records", "page_samples", "page_remark"} <= asked
+    assert not asked & {"stdin", "stdout", "stderr", "fopen"}
