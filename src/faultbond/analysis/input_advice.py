@@ -201,7 +201,7 @@ def _apart(columns: FloatArray, others: FloatArray) -> float:
 
 def _advice(item: Input, level: float, change: float, hold: float, before: float, after: float) -> InputAdvice:
     one, two = (f"{item.unit.from_si(value):.3g}" for value in (level, level + change))
-    unit = "%" if item.unit.text == "percent" else item.unit.text
+    there = f"{two} {'%' if item.unit.text == 'percent' else item.unit.text}".rstrip()
     far, near = ("0" if size < 0.05 else f"{size:.1f}" if size < 9.95 else f"{size:.0f}" for size in (after, before))
     return InputAdvice(
         input=item.name,
@@ -210,7 +210,7 @@ def _advice(item: Input, level: float, change: float, hold: float, before: float
         hold=hold,
         before=before,
         after=after,
-        words=f"move {item.name} from {one} to {two} {unit} and hold it for {float(f'{hold:.3g}'):.15g} s: "
+        words=f"move {item.name} from {one} to {there} and hold it for {float(f'{hold:.3g}'):.15g} s: "
         f"{far} standard deviations apart instead of {near}",
     )
 

@@ -150,6 +150,31 @@ static int64_t rest_of(const Ranking *ranking, int64_t whole, const Suspect *sus
     return whole;
 }
 
+/* Share out what is worth that no suspect of a lane has changed. It says that nothing has, but where the lane has another parameter
+   farther from where it is declared than is likely of a healthy one: of what was there from the first sample on every lane learns so, in time,
+   and then that parameter is at fault. What was accepted is no more where it is declared, and what goes with others may go with all
+   of them. */
+static void share_rest(const State *state, int64_t lane, const Suspect *suspects, int64_t n, double share, Ranking *ranking)
+{
+    double least = 0.0;
+    int64_t farthest = -1;
+    for (int k = 0; k < N_PARAMETERS && state->clock.accepted < 0; k++) {
+        const int64_t set = is_tied(k) ? -1 : single_of(k);
+        int is_suspect = 0;
+        for (int64_t i = 0; i < n; i++) is_suspect |= suspects[i].parameter == k;
+        if (set < 0 || is_suspect || ranking->best[set] < 0) continue;
+        const double off = fabs(number_in(&state->bank, lane, AT_PARAMETERS + k) - HEALTHY[k]);
+        const double variance = covariance_in(&state->bank, lane, AT_PARAMETERS + k, AT_PARAMETERS + k) / ranking->share;
+        const double odds = odds_healthy(off, fmax(MOVES_BY * ACCURACY[k], HEALTHY_CHANGE[k]), CHANGE[k], variance);
+        if (!(odds < least)) continue;
+        least = odds;
+        farthest = set;
+    }
+    const double healthy = farthest < 0 ? 1.0 : 1.0 / (1.0 + exp(-least));
+    ranking->within += healthy * share;
+    if (farthest >= 0) ranking->shared[farthest] += (1.0 - healthy) * share;
+}
+
 /* Share out what a hypothesis is worth, `share`, among itself and those of fewer suspects. */
 static void share_out(const State *state, int64_t hypothesis, double share, Ranking *ranking)
 {
@@ -160,7 +185,7 @@ static void share_out(const State *state, int64_t hypothesis, double share, Rank
     for (unsigned kept = 0; kept < 1u << n; kept++) {
         double part = share;
         for (int64_t i = 0; i < n; i++) part /= 1.0 + exp(kept >> i & 1u ? within[i] : -within[i]);
-        if (kept == 0) ranking->within += part;
+        if (kept == 0) share_rest(state, lane, suspects, n, part, ranking);
         else if (kept == (1u << n) - 1u) ranking->shared[hypothesis] += part;
         else if (part > FAINT * share) ranking->shared[rest_of(ranking, hypothesis, suspects, n, kept)] += part;
         else ranking->shared[hypothesis] += part;

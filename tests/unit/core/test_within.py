@@ -94,7 +94,7 @@ def test_a_change_counts_from_before_the_fault_too() -> None:
     state, index = diagnosed(), 0
     accuracy, lane = SPEC.parameters[index].accuracy, int(np.flatnonzero(STEPS.hypothesis == index)[0])
     state.only(lane)
-    found_at(state, lane, {index: 0.0})
+    found_at(state, lane, dict.fromkeys(range(len(SPEC.parameters)), 0.0))
     before = state["bank.healthy"].copy()
     before[FIRST + index] = 1.0 + 5.0 * accuracy
     state["clock.accepted"] = -1
@@ -110,6 +110,23 @@ def test_a_change_counts_from_before_the_fault_too() -> None:
     assert told(state)[0] < 1e-6
     state["clock.accepted"] = 50
     assert told(state)[0] == pytest.approx(part_within(index, 0.2 * accuracy), rel=1e-6)
+
+
+@pytest.mark.parametrize(("off", "healthy"), [(1.0, True), (9.0, False)])
+def test_what_is_far_from_where_it_is_declared_is_at_fault_where_nothing_else_is(off: float, healthy: bool) -> None:
+    """What was there from the first sample every lane learns in time; after a diagnosis was accepted it is normal."""
+    state, suspect, other = diagnosed(), 0, 1
+    lanes = [int(np.flatnonzero(STEPS.hypothesis == k)[0]) for k in (suspect, other)]
+    accuracy = SPEC.parameters[other].accuracy
+    state.only(lanes[0])
+    found_at(state, lanes[0], dict.fromkeys(range(len(SPEC.parameters)), 0.0) | {other: off * accuracy})
+    state["clock.accepted"] = -1
+    state["bank.onset"] = np.full_like(state["bank.onset"], float(state["clock.begun"][0]) + 2)
+    within, sets = told(state)
+    assert (within > 0.9) == healthy
+    assert (sets[other,] > 0.9) == (not healthy)
+    state["clock.accepted"] = 50
+    assert told(state)[0] > 0.9
 
 
 def test_a_change_that_comes_and_goes_counts_from_before_it_too() -> None:
