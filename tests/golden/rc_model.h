@@ -80,7 +80,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x7b4dabb00023ee97ULL, 0xba6db77d983f019aULL, 0xb305cf89074c18b2ULL, 0x5ba6a6b16ff9e266ULL};
+static const uint64_t MODEL_HASH[] = {0x3a4a5261ed4dc9d1ULL, 0x836aa41c184cddbbULL, 0x2190c5d422f2419cULL, 0x183daa6ae3142696ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -273,7 +273,9 @@ static const int SIGNAL_ORDER[] = {0};
 static const double INPUT_MOVE[] = {NAN};
 static const int INPUT_PERCENT[] = {0};
 static const double INPUT_FITTED_LOW[] = {(-INFINITY)};
+static const double INPUT_END_LOW[] = {(-INFINITY)};
 static const double INPUT_FITTED_HIGH[] = {INFINITY};
+static const double INPUT_END_HIGH[] = {INFINITY};
 static const int INPUT_HAS_ZERO[] = {1};
 static const int8_t AHEAD_LENGTH[] = {10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10, 10,
     10, 10, 10, 10, 10, 10, 10, 10, 10, 10};

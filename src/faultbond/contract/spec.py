@@ -105,6 +105,7 @@ class InputSpec:
     healthy_bias: float = 0.0  # by which it seems to be off on healthy data, SI; 0: not known
     factor: int = -1  # the parameter with which alone it acts; -1: none
     fitted_range: tuple[float, float] = (-inf, inf)  # where it was in the recordings of a fit, SI
+    ends: tuple[float, float] = (-inf, inf)  # between which it can be, SI
 
     @property
     def linear(self) -> bool:

@@ -241,7 +241,8 @@ static void find_looks(const Diagnosis *found, const Rivals *rivals, Advice *adv
 
 /* The values to which input k may be moved, the nearest first, and how many: up and down, not beyond where it has been. Zero
    counts as a place where it has been, but for that of degC, which is no special one. Percentages may go from 0 to 100. None
-   goes to where the model was not fitted; how far a stated move may go is left to whoever stated it. */
+   goes to where the model was not fitted, and none beyond what the input can be; how far a stated move may go is else left to whoever
+   stated it. */
 static int values_of(const Inputs *inputs, double now, int k, double *values)
 {
     const double stated = INPUT_MOVE[k];
@@ -263,6 +264,8 @@ static int values_of(const Inputs *inputs, double now, int k, double *values)
         low = -INFINITY;
         high = INFINITY;
     }
+    low = larger(low, INPUT_END_LOW[k]);
+    high = smaller(high, INPUT_END_HIGH[k]);
     const double least = isnan(stated) ? MOVE_PARTS[0] * full : stated;
     for (int move = 0; move < (isnan(stated) ? 2 * N_MOVE_PARTS : 2); move++) {
         const double size = isnan(stated) ? MOVE_PARTS[move / 2] * full : stated;

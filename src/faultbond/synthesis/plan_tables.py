@@ -223,6 +223,7 @@ def _check_tables(spec: EngineSpec) -> Iterable[str]:
     yield integers("INPUT_PERCENT", (item.percent for item in spec.inputs))
     for end, name in enumerate(("LOW", "HIGH")):
         yield numbers(f"INPUT_FITTED_{name}", (item.fitted_range[end] for item in spec.inputs))
+        yield numbers(f"INPUT_END_{name}", (item.ends[end] for item in spec.inputs))
     yield integers("INPUT_HAS_ZERO", (not item.unit_offset for item in spec.inputs))
     if signals:
         yield numbers("SIGNAL_NOISE", (item.noise for item in signals.values()))

@@ -300,6 +300,7 @@ def _input(item: Input, factor: int, lag: float, *, acts: bool, hidden: bool) ->
         smooth=item.smooth,
         healthy_bias=item.healthy_bias,
         factor=factor,
+        ends=(item.lower, item.upper),
         **({} if item.fitted_range is None else {"fitted_range": item.fitted_range}),
     )
 

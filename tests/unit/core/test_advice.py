@@ -50,14 +50,16 @@ inputs:
   P3: {unit: percent, fitted_range: [30, 80]}
   V3: {unit: V, fitted_range: [2, 6]}
   V4: {unit: V, fitted_range: [2, 6]}
+  V5: {unit: V, range: [0, 1]}
+  P4: {unit: percent, range: [5, 75]}
 components:
-  source: {type: Se, law: e = A*(P0 + P1 + P2 + P3) + V0 + V1 + V2 + V3 + V4 + B*(T0 + T1 + T2)}
+  source: {type: Se, law: e = A*(P0 + P1 + P2 + P3 + P4) + V0 + V1 + V2 + V3 + V4 + V5 + B*(T0 + T1 + T2)}
   series: {type: R, parameters: {R1: 10 ohm}}
   cell: {type: C, parameters: {C1: 1 F}}
 junctions: {loop: 1}
 bonds: [source -> loop, loop -> series, loop -> cell]
 sensors: {v: {reads: cell.e, unit: V, noise: 10 mV}}
-checks: {T2: {move: 5 K}, P1: {move: 20}, P2: {move: 20}, V2: {move: 3}, V4: {move: 3}}
+checks: {T2: {move: 5 K}, P1: {move: 20}, P2: {move: 20}, V2: {move: 3}, V4: {move: 3}, V5: {move: 1}}
 """
 BY_HAND = """\
 checks:
@@ -250,6 +252,9 @@ def tools() -> Bare:
         ("P3", (20.0, 30.0), 45.0, [65.0, 30.0, 80.0]),  # nothing is known of where it was not fitted
         ("V3", (0.0, 10.0), 4.5, [6.0, 2.5, 2.0]),
         ("V4", (1.0, 7.0), 2.0, [5.0, -1.0]),
+        ("V5", (0.0, 1.0), 0.0, [1.0]),  # a command that is off or on
+        ("V5", (0.0, 1.0), 1.0, [0.0]),
+        ("P4", (20.0, 80.0), 30.0, [50.0, 10.0, 70.0, 5.0, 75.0]),  # nor beyond what it can be
     ],
 )
 def test_where_an_input_may_be_moved(name: str, seen: tuple[float, float], now: float, expected: list[float]) -> None:
