@@ -87,7 +87,7 @@ def unexplained_sentence(found: Unexplained) -> str:
 
 
 def _not_asked(graph: BondGraph) -> Iterator[str]:
-    """Say what was not tested and may explain the data: more faults at once, an actuator that has become slow."""
+    """Say what was not tested and may explain the data: more faults at once, an actuator or a meter that is slow."""
     if _could_be_more(graph):
         many = "one fault at once was" if graph.max_faults == 1 else f"{graph.max_faults} faults at once were"
         pairs = (
@@ -97,6 +97,10 @@ def _not_asked(graph: BondGraph) -> Iterator[str]:
     slow = [item for item in graph.inputs if item.suspect and _may_be_slow(graph, item)]
     if slow:
         yield f"{_not_asked_of(slow)}."
+    late = [item.name for item in graph.sensors if item.suspect and item.lag and not graph.parameter(item.lag).suspect]
+    if late:
+        has = "has" if len(late) == 1 else "have"
+        yield f"It was not tested whether {join(late)} {has} become slower to read (`lag` with `suspect: yes`)."
 
 
 def _not_asked_of(slow: Sequence[Input]) -> str:

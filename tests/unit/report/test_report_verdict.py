@@ -122,6 +122,21 @@ def test_what_none_explains_may_be_an_actuator_that_is_slow(u_in: str, u_out: st
 
 
 @pytest.mark.parametrize(
+    ("lag", "said"), [("lag: 3 s", True), ("lag: {value: 3 s, suspect: yes}", False), ("lag: 3 s, suspect: no", False)]
+)
+def test_what_none_explains_may_be_a_meter_that_is_slow(lag: str, history: History, *, said: bool) -> None:
+    """Of sensors with a lag that may be at fault, where that is no suspect."""
+    text = (example("tank") / "model.yaml").read_text(encoding="utf-8")
+    graph = parse_model(text.replace("reads: vessel.e,", f"reads: vessel.e, {lag},"))
+    best = kind_of(suspect(graph, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.993)
+    last, off = with_last(history, (best,)), Unexplained(signal="flow", since=7.0, until=7.0, sd=5.0)
+    last = replace(last, diagnoses=(replace(last.diagnoses[-1], unexplained=off),))
+    found = verdict_sentence(graph, last, RunCounts(samples=9), Notation.FILE)
+    told = "It was not tested whether pressure has become slower to read (`lag` with `suspect: yes`)."
+    assert (told in found) is said
+
+
+@pytest.mark.parametrize(
     ("kind", "settling", "said"),
     [
         (FaultKind.INTERMITTENT, "settling: 12 s", True),
