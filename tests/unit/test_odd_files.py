@@ -56,10 +56,10 @@ def test_a_header_is_told_with_what_to_do(
 @pytest.mark.parametrize("verb", ["run", "check"])
 def test_a_date_that_cannot_be_read_is_shown(verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Where no row has a time, the first text in its place is shown with its line."""
-    path = recording(tmp_path, [["01.05.2026 10:00", *cells[1:]] for cells in ROWS])
+    path = recording(tmp_path, [["05/01/2026 10:00", *cells[1:]] for cells in ROWS])
     code, err = said_of([verb, str(MODEL), *(["--data"] if verb == "check" else []), path], capsys)
     assert code == 2
-    assert "before the year 9999: line 2 of 'time' has '01.05.2026 10:00'. Check the column and unit of `time`" in err
+    assert "before the year 9999: line 2 of 'time' has '05/01/2026 10:00'. Check the column and unit of `time`" in err
 
 
 @pytest.mark.parametrize("verb", ["run", "check", "fit"])

@@ -150,10 +150,10 @@ static int64_t rest_of(const Ranking *ranking, int64_t whole, const Suspect *sus
     return whole;
 }
 
-/* Share out what is worth that no suspect of a lane has changed. It says that nothing has, but where the lane has another parameter
-   farther from where it is declared than is likely of a healthy one: of what was there from the first sample on every lane learns so, in time,
-   and then that parameter is at fault. What was accepted is no more where it is declared, and what goes with others may go with all
-   of them. */
+/* Share out what is worth that no suspect of a lane has changed. It says that nothing has, but where the lane has another
+   parameter farther from where it is declared than is likely of a healthy one: of what was there from the first sample on every
+   lane learns so, in time, and then that parameter is at fault. What was accepted is no more where it is declared, what goes
+   with others may go with all of them, and what was ruled out stays so. */
 static void share_rest(const State *state, int64_t lane, const Suspect *suspects, int64_t n, double share, Ranking *ranking)
 {
     double least = 0.0;
@@ -162,7 +162,7 @@ static void share_rest(const State *state, int64_t lane, const Suspect *suspects
         const int64_t set = is_tied(k) ? -1 : single_of(k);
         int is_suspect = 0;
         for (int64_t i = 0; i < n; i++) is_suspect |= suspects[i].parameter == k;
-        if (set < 0 || is_suspect || ranking->best[set] < 0) continue;
+        if (set < 0 || is_suspect || ranking->best[set] < 0 || state->bank.rejected[set]) continue;
         const double off = fabs(number_in(&state->bank, lane, AT_PARAMETERS + k) - HEALTHY[k]);
         const double variance = covariance_in(&state->bank, lane, AT_PARAMETERS + k, AT_PARAMETERS + k) / ranking->share;
         const double odds = odds_healthy(off, fmax(MOVES_BY * ACCURACY[k], HEALTHY_CHANGE[k]), CHANGE[k], variance);

@@ -165,7 +165,7 @@ def test_a_recording_that_is_too_short_is_no_reason_for_another_model() -> None:
 def test_a_model_that_is_not_quiet_says_on_what_it_alarms() -> None:
     """The recordings by name where the monitor alarms on them; else that some statistic would, or how often."""
     found = Quieted(
-        fitted=cast("Fitted", SimpleNamespace(values={}, moves={})),
+        fitted=cast("Fitted", SimpleNamespace(graph=GRAPH, values={}, moves={})),
         text="",
         held=(),
         stated=True,

@@ -74,7 +74,7 @@ function showRows(body, assets, state) {
     renew(body.children[k], { name, headline, alarm, told, condition }, () => [
       make("td", {}, make("span", { class: `condition ${condition.key}` }, symbol(condition), condition.word)),
       make("th", { scope: "row" }, make("a", { href: linkOf(name) }, name)),
-      make("td", { class: "wrap" }, headline),
+      make("td", { class: "wrap" }, headline.replace(/ %/g, `${NO_BREAK}%`)),
       make("td", { class: "moment" }, told),
       make("td", {}, alarmMark(alarm)),
     ]);
