@@ -227,6 +227,15 @@ static inline int has_decimal_comma(const char *at)
     return !text_says(before);
 }
 
+/* Add to a message which column has which text. */
+static inline void add_field(const Layout *layout, char *const *fields, int column, char *message)
+{
+    text_add(message, MESSAGE_ROOM, COLUMN_SHOWN[column], SAID_LETTERS);
+    text_add(message, MESSAGE_ROOM, " is '", SAID_LETTERS);
+    text_add(message, MESSAGE_ROOM, text_strip(fields[layout->slot[column]]), SAID_LETTERS);
+    text_add(message, MESSAGE_ROOM, "'", SAID_LETTERS);
+}
+
 /* Where fields are separated by something else, a comma in a number is its decimal mark: put a point in its place. Gives whether
    all marks are commas, or all points: one of two may separate thousands. */
 static inline int put_points(const Layout *layout, char *const *fields, int64_t line, char *message)
@@ -239,13 +248,11 @@ static inline int put_points(const Layout *layout, char *const *fields, int64_t 
         if (with_comma < 0 && has_decimal_comma(field)) with_comma = c;
     }
     if (with_comma >= 0 && with_point >= 0) {
-        (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: %s is '", CSV_TITLE, (long long)line, COLUMN_SHOWN[with_comma]);
-        text_add(message, MESSAGE_ROOM, text_strip(fields[layout->slot[with_comma]]), SAID_LETTERS);
-        text_add(message, MESSAGE_ROOM, "' and ", SAID_LETTERS);
-        text_add(message, MESSAGE_ROOM, COLUMN_SHOWN[with_point], SAID_LETTERS);
-        text_add(message, MESSAGE_ROOM, " is '", SAID_LETTERS);
-        text_add(message, MESSAGE_ROOM, text_strip(fields[layout->slot[with_point]]), SAID_LETTERS);
-        text_add(message, MESSAGE_ROOM, "'. Decimal commas or points? Write all numbers with one of them.", SAID_LETTERS);
+        (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: ", CSV_TITLE, (long long)line);
+        add_field(layout, fields, with_comma, message);
+        text_add(message, MESSAGE_ROOM, " and ", SAID_LETTERS);
+        add_field(layout, fields, with_point, message);
+        text_add(message, MESSAGE_ROOM, ". Decimal commas or points? Write all numbers with one of them.", SAID_LETTERS);
         return 0;
     }
     for (int k = 0; with_comma >= 0 && k < layout->n_wanted; k++)
@@ -259,9 +266,9 @@ static inline int has_no_commas(const Layout *layout, char *const *fields, int64
     for (int c = 0; c < N_COLUMNS; c++) {
         char *const field = layout->place[c] >= 0 ? fields[layout->slot[c]] : NULL;
         if (field == NULL || !has_decimal_comma(field)) continue;
-        (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: %s is '", CSV_TITLE, (long long)line, COLUMN_SHOWN[c]);
-        text_add(message, MESSAGE_ROOM, text_strip(field), SAID_LETTERS);
-        text_add(message, MESSAGE_ROOM, "'. Decimal commas? Write numbers with a point.", SAID_LETTERS);
+        (void)snprintf(message, MESSAGE_ROOM, "%s:%lld: ", CSV_TITLE, (long long)line);
+        add_field(layout, fields, c, message);
+        text_add(message, MESSAGE_ROOM, ". Decimal commas? Write numbers with a point.", SAID_LETTERS);
         return 0;
     }
     return 1;

@@ -96,19 +96,22 @@ def _not_asked(graph: BondGraph) -> Iterator[str]:
         yield f"More than {many} not tested (`max_faults: {graph.max_faults}`){pairs}."
     slow = [item for item in graph.inputs if item.suspect and _may_be_slow(graph, item)]
     if slow:
-        yield f"{_not_asked_of(slow)}."
+        yield f"{_inputs_not_asked(slow)}."
     late = [item.name for item in graph.sensors if item.suspect and item.lag and not graph.parameter(item.lag).suspect]
     if late:
-        has = "has" if len(late) == 1 else "have"
-        yield f"It was not tested whether {join(late)} {has} become slower to read (`lag` with `suspect: yes`)."
+        yield f"{_not_asked_of(late, 'read', ['lag'])}."
 
 
-def _not_asked_of(slow: Sequence[Input]) -> str:
+def _inputs_not_asked(slow: Sequence[Input]) -> str:
     """Say that it was not asked whether inputs have become slower, and how it is."""
-    has = "has" if len(slow) == 1 else "have"
-    keys = join([f"`{key}`" for key in dict.fromkeys("rate_limit" if x.rate_limit else "lag" for x in slow)])
-    names = join([item.name for item in slow])
-    return f"It was not tested whether {names} {has} become slower to act ({keys} with `suspect: yes`)"
+    keys = dict.fromkeys("rate_limit" if item.rate_limit else "lag" for item in slow)
+    return _not_asked_of([item.name for item in slow], "act", list(keys))
+
+
+def _not_asked_of(names: list[str], does: str, keys: list[str]) -> str:
+    """Say it of instruments that do something, and which keys of the model ask it."""
+    has, by = "has" if len(names) == 1 else "have", join([f"`{key}`" for key in keys])
+    return f"It was not tested whether {join(names)} {has} become slower to {does} ({by} with `suspect: yes`)"
 
 
 def _slow_sentence(graph: BondGraph, diagnosis: Diagnosis) -> str:
@@ -118,7 +121,7 @@ def _slow_sentence(graph: BondGraph, diagnosis: Diagnosis) -> str:
     slow = [item for item in graph.inputs if item.name in at_fault and _may_be_slow(graph, item)]
     if not slow or diagnosis.mismatch or diagnosis.unexplained is not None:
         return ""
-    return f"{_not_asked_of(slow)}, which is off after each move and right again."
+    return f"{_inputs_not_asked(slow)}, which is off after each move and right again."
 
 
 def _may_be_slow(graph: BondGraph, item: Input) -> bool:
