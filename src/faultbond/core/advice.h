@@ -127,13 +127,13 @@ static double told_by(const Rivals *rivals, int64_t r, int64_t k)
 }
 
 /* Add how far two rivals are apart at the last sample, which stands for so many. A prediction's own uncertainty is what its
-   variance is beyond the noise; what is no number counts as nothing, or as wholly uncertain. A sensor out of use tells nothing. */
+   variance is beyond the noise; what is no number counts as nothing, or as wholly uncertain. The noise of a
+   sensor out of use has no end, so nothing is apart there. */
 static void add_apart(int64_t r, int64_t other, double count, Rivals *rivals)
 {
     for (int j = 0; j < N_OUTPUTS; j++) {
         const double usual = 0.5 * (noise_at(j, told_by(rivals, r, j)) + noise_at(j, told_by(rivals, other, j)));
         const double noise = usual * rivals->sample[SAMPLE_SCALE + j];
-        if (isinf(rivals->sample[SAMPLE_SCALE + j])) continue;
         const double apart = fabs(told_by(rivals, r, j) - told_by(rivals, other, j)) / sqrt(noise);
         const double variance = told_by(rivals, r, N_OUTPUTS + j) + told_by(rivals, other, N_OUTPUTS + j);
         const double own = variance / noise - 2.0; /* each of both has the noise */

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
-from math import ceil, log2, nan
+from math import ceil, log2, nan, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bare_core import Bare, aligned, bare
+from bare_core import CELL, Bare, aligned, bare
 from cell_course import ACCEPTED, cell, course
 from faultbond.arrays import FloatArray
 from faultbond.contract.core_settings import core_settings
@@ -85,6 +85,25 @@ AHEAD_CALL = """
 int64_t t_pack(State *state, const int64_t *t, const double *held, double *packed)
 {
     pack_ahead(state->inputs.held, held, &state->normal, t[0], t[1], packed);
+    return 0;
+}
+/* How far two predictions of each sensor are apart, (difference, own sd), beside a noise of this factor. */
+int64_t t_apart(State *state, const double *expected, const double *variance, const double *scale, double *found)
+{
+    static Rivals rivals;
+    (void)state;
+    memset(&rivals, 0, sizeof rivals);
+    rivals.at[1] = 1;
+    for (int j = 0; j < N_OUTPUTS; j++) {
+        rivals.sample[SAMPLE_SCALE + j] = scale[j];
+        for (int r = 0; r < 2; r++) {
+            rivals.told[0][0][j][r] = -expected[2 * j + r];
+            rivals.told[0][0][N_OUTPUTS + j][r] = variance[j];
+        }
+    }
+    add_apart(1, 0, 1.0, &rivals);
+    found[0] = rivals.squares[1][0];
+    found[1] = rivals.along[1][0];
     return 0;
 }
 int64_t t_ahead(State *state, Work *work, Diagnosis *found, double *first)
@@ -412,6 +431,19 @@ def test_what_settles_after_a_move_is_not_counted() -> None:
         assert packed[place["u"]].tolist() == held
         assert packed[place["u_before"]].tolist() == (held if t > length else now.tolist())
         assert not packed[place["use"]].any()
+
+
+def test_predictions_are_apart_by_the_noise_that_their_readings_have() -> None:
+    """With a part of the reading, and with what was accepted; a sensor out of use parts nothing."""
+    state, found = bare(AHEAD_CALL, CELL.replace("noise: 5 mA}", "noise: 5 mA + 10 %}")), np.zeros(2)
+    expected, variance = np.array([[2.0, 2.4], [5.0, 5.0]]), np.zeros(2)
+    for factor in (1.0, 4.0):
+        noise = factor * (0.005**2 + 0.1**2 * np.mean(expected[0] ** 2))
+        variance[0] = noise * 1.5
+        state.call("t_apart", expected.ravel(), variance, np.array([factor, 1.0]), found)
+        assert found == pytest.approx([0.16 / noise, 0.4 / sqrt(noise)], rel=1e-9)
+    state.call("t_apart", expected.ravel(), variance, np.array([np.inf, 1.0]), found)
+    assert found.tolist() == [0.0, 0.0]
 
 
 def test_what_is_expected_by_hand() -> None:

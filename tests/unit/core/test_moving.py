@@ -144,9 +144,10 @@ def test_of_what_moved_when_it_was_noted_nothing_is_said_once_it_is_at_rest() ->
     core.call("t_moves", np.array([float(lane)]), np.array([50.0]))
     for index in range(1000, 1000 + 2 * FROM + 1):
         core["clock.index"] = index
-        core.call("t_slot", np.array([float(lane)]), np.array([20.0]), np.array([4.0]))
+        core.call("t_slot", np.array([float(lane)]), np.array([0.02 * (index - 1000)]), np.array([4.0]))
         core.call("t_note")
     core.call("t_moves", np.array([float(lane)]), np.array([-1e300]))
+    core.call("t_slot", np.array([float(lane)]), np.array([20.0]), np.array([4.0]))
     found = np.zeros(3)
     core.call("t_found", np.array([float(steps + lane)]), found)
     assert found[0] == pytest.approx(20.0)
