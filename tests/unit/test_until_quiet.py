@@ -1,6 +1,7 @@
 """`fit --until-quiet`: what recordings call for is added to a model, and nothing else."""
 
 import json
+import math
 import os
 import signal
 from collections.abc import Callable, Sequence
@@ -960,20 +961,21 @@ def test_nothing_is_added_to_a_right_model(model: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "now", "moves", "deaf"),
+    ("before", "now", "claimed", "deaf"),
     [
-        (0.02, 0.4, 0.2, ()),
+        (0.02, 0.4, 0.4, ()),
         (0.02, 0.6, 0.0, ("R",)),
         (0.02, None, 0.0, ("R",)),
-        (0.7, 0.9, 0.4, ()),
+        (0.7, 0.9, 0.8, ()),
         (0.7, 1.5, 0.0, ("R",)),  # it was hardly watched before, and is not any more
         (0.7, None, 0.0, ("R",)),
         (None, None, 0.0, ()),
-        (0.02, 0.1, 0.3, ("R",)),  # it raises an alarm, of which no fault is claimed
+        (0.02, 0.1, 0.6, ("R",)),  # it raises an alarm, of which no fault is claimed
+        (0.02, 0.1, math.inf, ("R",)),  # nor ever is one
     ],
 )
 def test_a_model_that_hardly_watches_a_part_says_so(
-    before: float | None, now: float | None, moves: float, deaf: tuple[str, ...]
+    before: float | None, now: float | None, claimed: float, deaf: tuple[str, ...]
 ) -> None:
     """A resistance of which half may go unseen, as it could not before, is named, with the law to look at."""
     graph = parse_model(MODEL)
@@ -987,15 +989,14 @@ def test_a_model_that_hardly_watches_a_part_says_so(
             within=300.0,
             certainty=0.95,
             effects=(),
+            claimed=least * nominal,
         )
-        for part in (before, now)
+        for part, least in ((before, 0.0), (now, claimed))
     ]
     item = Imperfection(kind=Kind.ABSOLUTE, place="source.e", size=1.0, memory=60.0)
     health = SimpleNamespace(keeps=True, has_room=True, between=1e9, peak=0.5, walk=0.1)
     found = Quieted(
-        fitted=cast(
-            "Any", SimpleNamespace(graph=graph, strays=(), values={"R": nominal}, moves={"R": moves * nominal})
-        ),
+        fitted=cast("Any", SimpleNamespace(graph=graph, strays=(), values={"R": nominal})),
         text="",
         held=("b.csv",),
         stated=True,
@@ -1006,14 +1007,15 @@ def test_a_model_that_hardly_watches_a_part_says_so(
         smallest_after=(faults[1],),
     )
     assert found.deaf == deaf
-    claimed = None if now is None else max(now, 2.0 * moves) * nominal
-    assert found.smallest_claimed == {"R": claimed}
+    size = None if now is None or math.isinf(claimed) else max(now, claimed)
+    assert found.smallest_claimed == {"R": None if size is None else size * nominal}
     shown = {name: text for part in quiet_parts(graph, found) for name, _, text, *_ in part.rows if name == "R"}
-    assert ("not found" if claimed is None else f"({100 * max(now or 0.0, 2.0 * moves):g} %)") in shown["R"]
+    none = "not found" if now is None else "never claimed"
+    assert (none if size is None else f"({100 * size:g} %)") in shown["R"]
     told = [text for part in quiet_parts(graph, found) for label, text in part.lines if label == "deaf to"]
     assert len(told) == len(deaf)
     assert ("deaf to faults of R" in quiet_verdict(found)) == bool(deaf)
-    why = "seen to move so far while healthy" if moves and deaf else "only changes by more than half show"
+    why = "seen to move so far while healthy" if claimed and deaf else "only changes by more than half show"
     assert all(text.startswith(f"R: {why}") and "laws at source.e" in text for text in told)
 
 
@@ -1027,7 +1029,7 @@ def test_of_what_is_nominally_nothing_half_of_its_change_counts(now: float, deaf
         for value in (0.02 * change, now * change)
     )
     found = Quieted(
-        fitted=cast("Any", SimpleNamespace(graph=graph, strays=(), values={"R": 0.0}, moves={})),
+        fitted=cast("Any", SimpleNamespace(graph=graph, strays=(), values={"R": 0.0})),
         text="",
         held=(),
         stated=True,

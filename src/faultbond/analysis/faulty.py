@@ -6,7 +6,7 @@ an input says. So is a gain of an input: so many times what it says acts.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,7 +32,7 @@ class FaultTarget:
     """What may change: a parameter, a sensor or an input, by its position; -1 for the two that it is not.
 
     scale: SI size of one factor, in which all sizes are. first: the first size tried. most: the largest up, and down.
-    is_gain: whether it is the gain of the input.
+    is_gain: whether it is the gain of the input. largest: size that the input reaches, SI.
     """
 
     name: str
@@ -43,6 +43,7 @@ class FaultTarget:
     output: int = -1
     input: int = -1
     is_gain: bool = False
+    largest: float = 1.0
 
 
 FaultCase = tuple[FaultTarget, int]  # sign of the change
@@ -68,13 +69,14 @@ def fault_targets(spec: EngineSpec, operation: Operation) -> tuple[FaultTarget, 
             found.append(FaultTarget(name=name, scale=noise, first=_FIRST_NOISES, most=most, output=item.index))
         elif largest[item.index] > 0.0:
             size, most = float(largest[item.index]), (_MOST_INPUT, _MOST_INPUT)
-            found.append(FaultTarget(name=name, scale=size, first=_FIRST_INPUT, most=most, input=item.index))
+            found.append(
+                FaultTarget(name=name, scale=size, first=_FIRST_INPUT, most=most, input=item.index, largest=size)
+            )
     for item in spec.instruments:
         if not item.is_output and np.any(operation.u[:, item.index] != spec.inputs[item.index].unit_offset):
             name, most = f"{item.name}{GAIN}", (_MOST_INPUT, 1.0)
-            found.append(
-                FaultTarget(name=name, scale=1.0, first=_FIRST_INPUT, most=most, input=item.index, is_gain=True)
-            )
+            gain = FaultTarget(name=name, scale=1.0, first=_FIRST_INPUT, most=most, input=item.index, is_gain=True)
+            found.append(replace(gain, largest=float(largest[item.index]) or 1.0))
     return tuple(found)
 
 

@@ -28,6 +28,7 @@ from faultbond.analysis.operation import Operation, operate, usual_operation
 from faultbond.analysis.realisations import CompiledDetector
 from faultbond.analysis.sensitivity import BIAS, GAIN
 from faultbond.arrays import BoolArray, FloatArray, IntArray
+from faultbond.contract.claims import claimed_bias, claimed_parameter
 from faultbond.contract.samples import Sample
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
@@ -74,6 +75,7 @@ class SmallestFault:
     alike : what else explains a change by `value` about as well at the end of that time, of what was looked at
         together with it
     reason : why there is no `value`; empty if there is one
+    claimed : change below which, found or not, it may be that of a healthy plant, and none is claimed; SI, inf: any
     """
 
     parameter: str
@@ -85,6 +87,7 @@ class SmallestFault:
     effects: tuple[Effect, ...]
     alike: tuple[str, ...] = ()
     reason: str = ""
+    claimed: float = 0.0
 
     @property
     def direction(self) -> str | None:
@@ -320,7 +323,17 @@ def _report(search: _Search, chosen: list[FaultTarget], within: float, clock: Al
             effects=tuple(Effect(output=of.name, size=size, in_noise=size / of.noise) for of, size in largest),
             alike=alike.get(item.name, ()),
             reason=_reason(spec, progress, both) if case is None else "",
+            claimed=_claimed(spec, item),
         )
+
+
+def _claimed(spec: EngineSpec, target: FaultTarget) -> float:
+    if target.parameter >= 0:
+        return claimed_parameter(spec, target.parameter)
+    if target.is_gain:
+        return claimed_bias(spec, target.input, is_output=False, largest=target.largest) / target.largest
+    is_output = target.output >= 0
+    return claimed_bias(spec, max(target.output, target.input), is_output=is_output, largest=target.largest)
 
 
 def _worst(progress: _Progress, first: int) -> int | None:

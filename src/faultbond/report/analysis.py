@@ -3,6 +3,7 @@
 Records are plain mappings ready for JSON, in SI units; percent stays percent.
 """
 
+import math
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -237,6 +238,7 @@ def smallest_record(found: Sequence[SmallestFault]) -> Record:
         "smallest_fault": {
             item.parameter: {
                 "value": item.value,
+                "claimed": item.claimed if math.isfinite(item.claimed) else None,
                 "within": item.within,
                 "up": item.up,
                 "down": item.down,
@@ -275,11 +277,31 @@ def print_smallest(
         rows.append((item.parameter, change, unit_text(unit.text), part, effects, ", ".join(item.alike)))
     header = ("parameter", "change", "unit", "of nominal", "largest effect, in noise sd", "then alike")
     table(console, header, rows)
-    told = guess_lines(graph, guessed) + heat_lines(graph, [item.parameter for item in found])
+    told = _claimed_lines(graph, found) + guess_lines(graph, guessed)
+    told += heat_lines(graph, [item.parameter for item in found])
     if not graph.slow_errors and not any(item.healthy_change for item in graph.parameters):
         exact = "of a plant that is as the model says. What a first model leaves out hides more: `fit --until-quiet`"
         told.append(("these are", exact))
     lines(console, told)
+
+
+def _claimed_lines(graph: BondGraph, found: Sequence[SmallestFault]) -> list[tuple[str, str]]:
+    """Say from which size on those are claimed of which smaller ones are found."""
+    sizes = dict[str, list[str]]()
+    for item in found:
+        if item.value is not None and item.claimed > item.value:
+            sizes.setdefault(_claimed_text(item.claimed, *_unit_of(graph, item.parameter)), []).append(item.parameter)
+    if not sizes:
+        return []
+    told = "; ".join(f"{join(names)} {size}" for size, names in sizes.items())
+    return [("claimed", f"{told}. A smaller change may be that of a healthy part (`accuracy`, `healthy_change`)")]
+
+
+def _claimed_text(size: float, unit: Unit, nominal: float) -> str:
+    if math.isinf(size):
+        return "never"
+    part = f"{100 * size / abs(nominal):.3g} %" if nominal else with_unit(unit.difference_from_si(size), unit.text)
+    return f"from {part} on"
 
 
 def guess_lines(graph: BondGraph, guessed: Mapping[str, float]) -> list[tuple[str, str]]:

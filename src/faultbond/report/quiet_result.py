@@ -46,7 +46,6 @@ TOLD = 3.0  # nats; what gains less is no place to look at
 SMALLER = 0.9  # times what is declared; a slow error that may be less small than that stays as it is
 DEAF = 0.5  # of a value; a part that has to change by more is hardly watched
 DEAFER = 2.0  # times what had to change before, where that was as much
-CLAIMED = 2.0  # times as far as a parameter seems to move (sd) while healthy: less is no fault, see `core/within.h`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,12 +115,10 @@ class Quieted:
 
     @property
     def smallest_claimed(self) -> dict[str, float | None]:
-        """The smallest fault of each suspect that is found now, and claimed: more than it seems to do while healthy."""
-        moves = self.fitted.moves
-        return {
-            item.parameter: None if item.value is None else max(item.value, CLAIMED * moves.get(item.parameter, 0.0))
-            for item in self.smallest_after
-        }
+        """The smallest fault of each suspect that is found now, and claimed: more than it may do while healthy."""
+        claimed = {item.parameter: item for item in self.smallest_after if math.isfinite(item.claimed)}
+        sizes = {name: item.value and max(item.value, item.claimed) for name, item in claimed.items()}
+        return {item.parameter: sizes.get(item.parameter) for item in self.smallest_after}
 
 
 def _is_below(value: float | None, most: float) -> bool:
@@ -524,7 +521,7 @@ def _cost_rows(found: Quieted) -> Iterator[tuple[str, ...]]:
         sizes = (None if first is None else first.value), found.smallest_claimed[item.parameter]
         for one, size in zip((first, item), sizes, strict=True):
             if size is None:
-                texts.append((one and one.reason) or "not found")
+                texts.append((one and (one.reason or ("" if one.value is None else "never claimed"))) or "not found")
                 continue
             part = f" ({short(100 * size / nominal)} %)" if nominal else ""
             texts.append(figure(unit.difference_from_si(size), digits=3).number() + part)

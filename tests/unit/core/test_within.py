@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from diagnosed import RESERVE, SPEC, Diagnosed, share_of, slot_of
+from faultbond.contract.claims import CERTAINTY, claimed_parameter
 from faultbond.contract.core_settings import core_settings
 from faultbond.contract.couples import n_coupled, plan_couples
 from faultbond.contract.lanes import plan_lanes
@@ -87,6 +88,16 @@ def test_a_change_within_the_accuracy_is_no_fault(parts: float, side: float) -> 
     assert within + sum(sets.values()) == pytest.approx(1.0)
     assert (within > 0.9) == (parts <= 1.0)
     assert (within < 0.05) == (parts >= 2.0)
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_what_is_said_to_be_claimed_is(index: int) -> None:
+    """Of a change that `analyse` says is claimed the core leaves as much to nothing at fault as that allows."""
+    state, item = diagnosed(), SPEC.parameters[index]
+    lane = int(np.flatnonzero(STEPS.hypothesis == index)[0])
+    state.only(lane)
+    found_at(state, lane, {index: claimed_parameter(SPEC, index) / item.scale}, sd=1e-7)
+    assert told(state)[0] == pytest.approx(1.0 - CERTAINTY, rel=1e-6)
 
 
 def test_a_change_counts_from_before_the_fault_too() -> None:

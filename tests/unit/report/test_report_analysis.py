@@ -1,8 +1,10 @@
 """The text of an analysis: what is counted, what is listed, what is left out and said to be."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from io import StringIO
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,6 +28,7 @@ from faultbond.report.analysis import (
     print_solutions,
     print_structure,
     print_view,
+    smallest_record,
 )
 from made import EXAMPLES
 
@@ -213,7 +216,7 @@ def test_nothing_to_look_at_is_said() -> None:
 def test_effects_that_rounding_leaves_are_none() -> None:
     """An effect of 1e-15 noises is printed as 0; a fault that is never found says why."""
 
-    def fault(name: str, value: float | None, reason: str = "") -> SmallestFault:
+    def fault(name: str, value: float | None, reason: str = "", claimed: float = 0.0) -> SmallestFault:
         effects = (Effect(output="y", size=1.0, in_noise=2.5), Effect(output="z", size=0.0, in_noise=1.4e-15))
         return SmallestFault(
             parameter=name,
@@ -224,9 +227,10 @@ def test_effects_that_rounding_leaves_are_none() -> None:
             certainty=0.95,
             effects=effects,
             reason=reason,
+            claimed=claimed,
         )
 
-    found = [fault("a0", 0.5), fault("a1", None, "too small"), fault("a2", None, NO_TIME)]
+    found = [fault("a0", 0.5, claimed=0.4), fault("a1", None, "too small", claimed=0.7), fault("a2", None, NO_TIME)]
     text = printed(lambda console: print_smallest(console, plant(3), found, {"u": 1.0}))
     assert "within 60 s, in 95 of 100 cases" in text
     assert "a0 0.5 50 % y 2.5, z 0" in text
@@ -234,6 +238,12 @@ def test_effects_that_rounding_leaves_are_none() -> None:
     assert f"a2 not looked for {NO_TIME}" in text
     assert "these are of a plant that is as the model says" in text
     assert "inputs u about 1, since nobody says where: give `--data REC`" in text
+    assert "claimed" not in text
+    larger = [fault("a0", 0.5, claimed=0.7), fault("a1", 0.5, claimed=math.inf), fault("a2", 0.6, claimed=3.5)]
+    text = printed(lambda console: print_smallest(console, plant(3), larger, {}))
+    assert "claimed a0 and a2 from 70 % on; a1 never. A smaller change may be that of a healthy part" in text
+    records: Any = smallest_record(larger)["smallest_fault"]
+    assert [item["claimed"] for item in records.values()] == [0.7, None, 3.5]
     imperfect = replace(plant(3), slow_errors=(SlowError(target="y", sd=1.0, relative=False, memory=1.0),))
     assert "these are" not in printed(lambda console: print_smallest(console, imperfect, found, {}))
 
