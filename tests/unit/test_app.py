@@ -389,7 +389,7 @@ def test_simulate_starts_where_the_recording_does(
     first = tmp_path / "first.csv"
     common = ["simulate", str(MODEL), "--seed", "1", "--inputs"]
     assert main([*common, str(folder / "inputs.csv"), "--start", "C.q=0.4 mC", "-o", str(first)]) == 0
-    assert "start of C.q: 0.0004 C, as given" in capsys.readouterr().out
+    assert "start, as given: C.q 0.0004 C\n" in capsys.readouterr().out
     assert main([*common, str(first), "-o", str(tmp_path / "second.csv"), "--json", "-"]) == 0
     start = json.loads(capsys.readouterr().out)["start"]
     assert start["C.q"] == pytest.approx(0.4e-3, rel=0.1)

@@ -5,6 +5,7 @@ from runpy import run_path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
@@ -14,6 +15,7 @@ from faultbond.io import parse_fault
 from faultbond.model.graph import BondGraph
 from faultbond.model.text import load_model, parse_model
 from faultbond.simulate import Decide, Effects, Fault, Inputs, Policy, columns, fault_in_si, random_steps, simulate
+from faultbond.simulate.integrate import Integrator
 from faultbond.simulate.truth import healthy_parameters
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -116,6 +118,38 @@ def test_stiff_plant_follows_the_matrix_exponential(tmp_path: Path) -> None:
     exact = held(matrix, np.array([1.0, 0.0]), inputs.values[:, 0], 0.01, np.zeros(2))
     assert made.error < 1e-8
     np.testing.assert_allclose(made.states / np.abs(exact).max(axis=0), exact / np.abs(exact).max(axis=0), atol=1e-8)
+
+
+def test_a_kink_is_not_taken_for_stiffness(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No method comes nearer than some 1e-6 where laws have kinks, and the implicit one takes ten times as long."""
+
+    def radau(_: Integrator) -> None:
+        pytest.fail("it is not stiff")
+
+    monkeypatch.setattr(Integrator, "_radau", radau)
+    graph = model(
+        tmp_path,
+        "name: rectifier\nsample_time: 10 ms\ninputs: {V: {unit: V, hold: linear}}\ncomponents:\n"
+        "  source: {type: Se, law: e = V}\n  C: {type: C, parameters: {C: 20 mF}}\n"
+        "  D: {type: R, law: 'f = max(e - e0, 0)/R', parameters: {R: 2 ohm, e0: 0.7 V}}\n"
+        "  G: {type: R, law: f = e/Rp, parameters: {Rp: 3 ohm}}\njunctions: {loop: 1, node: 0}\n"
+        "bonds: [source -> loop -> D, loop -> node -> C, node -> G]\n"
+        "sensors: {v: {reads: C.e, unit: V, noise: 1 mV}}\n",
+    )
+    time = grid(400, 0.01)
+    inputs = Inputs(time=time, values=(2.0 * np.sin(31.0 * time))[:, None])
+    made = simulate(graph, inputs, seed=None)
+
+    def rate(moment: float, state: FloatArray) -> FloatArray:
+        across = np.interp(moment, time, inputs.values[:, 0]) - state / 20e-3
+        return np.asarray(np.maximum(across - 0.7, 0.0) / 2.0 - state / 20e-3 / 3.0)
+
+    exact = [np.zeros(1)]
+    for k in range(399):
+        span = (time[k], time[k + 1] - 1e-9)
+        exact.append(solve_ivp(rate, span, exact[-1], rtol=1e-9, atol=1e-13, max_step=1e-3).y[:, -1])
+    assert 1e-8 < made.error < 1e-5
+    np.testing.assert_allclose(made.states, np.array(exact), atol=1e-5 * np.max(exact))
 
 
 def test_tank_keeps_its_water(tank: BondGraph) -> None:

@@ -73,12 +73,16 @@ def simulate(
     drawn = f"; seed {found.seed}" if noise or imperfections.spread or imperfections.wander else ""
     quiet = "" if noise else "; no noise"
     out.say(f"{output}: {rows} rows, {times[0]:.9g} s to {times[-1]:.9g} s{drawn}{quiet}")
-    for name, value in begin.items():
-        source = "as given" if name in start else f"solved from the first rows of {inputs}"
-        unit = found.graph.signal_unit(name).text
-        out.say(f"start of {name}: {f'{value:.6g} {unit}'.rstrip()}, {source}")
+    for how, names in (("as given", begin.keys() & start), (f"from the first rows of {inputs}", begin.keys() - start)):
+        states = [f"{name} {_in_unit(found.graph, name, value)}" for name, value in begin.items() if name in names]
+        if states:
+            out.say(f"start, {how}: {', '.join(states)}")
     if held:
         out.say(f"{held} samples lacked an input: its last value was held")
+
+
+def _in_unit(graph: BondGraph, state: str, value: float) -> str:
+    return f"{value:.6g} {graph.signal_unit(state).text}".rstrip()
 
 
 def simulated(
