@@ -28,7 +28,7 @@ from faultbond.app.attempt import (
 )
 from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
-from faultbond.app.quiet_fit import promising
+from faultbond.app.quiet_fit import forecast, promising
 from faultbond.app.signals import Stopped
 from faultbond.app.wishes import FitWishes
 from faultbond.arrays import FloatArray
@@ -1039,6 +1039,15 @@ def test_of_what_is_nominally_nothing_half_of_its_change_counts(now: float, deaf
         smallest_after=(after,),
     )
     assert found.deaf == deaf
+
+
+def test_how_long_a_search_may_take_is_told_of_long_ones() -> None:
+    """By how long the first fit took, in the units that people take for such times."""
+    assert forecast(14.9) == ""
+    assert forecast(15.0).startswith(
+        "the first fit took 15 s; the search for what is missing usually takes 75 s to 5 min"
+    )
+    assert "took 12 min; the search for what is missing usually takes 60 min to 4 h from here" in forecast(720.0)
 
 
 def test_what_was_found_is_written_when_the_search_is_stopped(

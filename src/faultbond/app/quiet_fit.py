@@ -5,6 +5,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from math import inf
+from time import monotonic
 
 from faultbond.app.attempt import (
     Attempt,
@@ -38,6 +39,7 @@ from faultbond.model.graph import BondGraph
 from faultbond.model.text import parse_model
 from faultbond.report.doubts import earlier_doubt
 from faultbond.report.fit_result import Fitted, fitted_model, not_shown, unsteady
+from faultbond.report.numbers import duration_text
 from faultbond.report.quiet_result import (
     Quieted,
     Resized,
@@ -48,6 +50,11 @@ from faultbond.synthesis.engine import build_model
 
 LEAST = 60  # samples of a part of the recordings
 SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a standard error or so
+SEARCH = (
+    5.0,
+    20.0,
+)  # times as long as the first fit a search takes, measured in docs/fitting.md
+LONG = 300.0  # s; of a search that may take longer it is told how long
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 
 ByThen = Callable[[], Quieted]  # what was found, worked out where somebody asks for it
@@ -118,6 +125,7 @@ def _steps(
         fitted = replace(fitted_model(graph, found, core.spec.version), doubt=earlier_doubt(text))
         return Quieted(fitted=fitted, text=fitted.model_text(text), held=names, stated=stated, promise=promise)
 
+    started = monotonic()
     try:
         found = fit_plant(
             plant,
@@ -139,6 +147,8 @@ def _steps(
         warn(f"{told}. If you know one, stop here (Ctrl-C) and begin again: the search leaves that as it is")
     for told in unsteady(now.fitted):
         warn(f"{told}. If the plant was not healthy then, stop here (Ctrl-C) and leave that out")
+    if told := forecast(monotonic() - started):
+        warn(told)
     tell("putting the first model on trial")
     now = replace(now, before=on_trial(core, (*records, *records_held), promise, factors=()))
     search = Search(
@@ -158,6 +168,18 @@ def _steps(
     tell("working out the smallest faults before and after")
     before, after = smallest_of_each([(graph, core), (attempt.graph, attempt.core)], attempt.records)
     yield _known(replace(now, smallest_before=before, smallest_after=after))
+
+
+def forecast(first: float) -> str:
+    """Say how long a search may take, by the seconds of its first fit; nothing of a short one."""
+    least, most = (times * first for times in SEARCH)
+    if most < LONG:
+        return ""
+    took, *about = (duration_text(seconds, digits=2) for seconds in (first, least, most))
+    return (
+        f"the first fit took {took}; the search for what is missing usually takes {' to '.join(about)} from here. "
+        "Fewer or shorter recordings and a longer `sample_time` make it shorter; Ctrl-C ends it with what was found by then"
+    )
 
 
 def _tried(now: Quieted, attempt: Attempt, raised: tuple[Resized, ...] = ()) -> Quieted:
