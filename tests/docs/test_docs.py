@@ -46,7 +46,7 @@ RECORDS = {
         "parameters identifiable falsifiable testable uncertain roots other_values sets angle reason mso mtes first "
         "second always words alike target question components observations equations closed_form refusal steps samples "
         "frames largest_block noise kind degree real_roots singular remarks value within up down certainty effects "
-        "size in_noise claimed classes near choices input level change hold before after"
+        "size in_noise claimed onsets classes near choices input level change hold before after"
     ),
     "trial": (
         "model model_sha256 version recordings recording samples first last promise kept between_alarms peak "

@@ -76,6 +76,7 @@ class SmallestFault:
         together with it
     reason : why there is no `value`; empty if there is one
     claimed : change below which, found or not, it may be that of a healthy plant, and none is claimed; SI, inf: any
+    onsets : when it begins in the run that was given, s; empty where none was
     """
 
     parameter: str
@@ -88,6 +89,7 @@ class SmallestFault:
     alike: tuple[str, ...] = ()
     reason: str = ""
     claimed: float = 0.0
+    onsets: tuple[float, ...] = ()
 
     @property
     def direction(self) -> str | None:
@@ -158,7 +160,8 @@ def smallest_faults(
         operation = operate(model, spec, engine, samples)
     windows = windows_of(spec, operation, _onset_rows(spec, operation, length, onsets), length)
     trials = Detector(spec, windows, operation.counted[windows.rows], operation.blanked[windows.rows], detector)
-    search = _Search(spec, Faults(model, spec, engine, operation, windows.rows), trials, certainty)
+    begun = () if samples is None else tuple(operation.time[windows.rows[:, 0]].tolist())
+    search = _Search(spec, Faults(model, spec, engine, operation, windows.rows), trials, certainty, begun)
     known = {item.name: item for item in fault_targets(spec, operation)}
     chosen = [known[name] for name in asked if name in known and name not in hidden]
     for name in asked:
@@ -172,6 +175,7 @@ def smallest_faults(
                 certainty=certainty,
                 effects=(),
                 reason=hidden[name],
+                onsets=begun,
             )
     together = max(_NUMBERS // (2 * windows.rows.size * REALISATIONS * len(spec.outputs)), _FEW)
     if operation.implicit.shape[1]:  # a step of the plant takes long: rather some of them than none
@@ -230,8 +234,11 @@ class _Progress:
 class _Search:
     """Everything that does not depend on the fault, and the search for its size."""
 
-    def __init__(self, spec: EngineSpec, faults: Faults, detector: Detector, certainty: float) -> None:
+    def __init__(
+        self, spec: EngineSpec, faults: Faults, detector: Detector, certainty: float, onsets: tuple[float, ...]
+    ) -> None:
         self.spec, self.faults, self.detector, self.certainty = spec, faults, detector, certainty
+        self.onsets = onsets
 
     def run(self, cases: list[FaultCase], clock: Allowance) -> _Progress:
         """Find the sizes: Newton's method, as if all effects grew in proportion, between bounds that are known."""
@@ -324,6 +331,7 @@ def _report(search: _Search, chosen: list[FaultTarget], within: float, clock: Al
             alike=alike.get(item.name, ()),
             reason=_reason(spec, progress, both) if case is None else "",
             claimed=_claimed(spec, item),
+            onsets=search.onsets,
         )
 
 

@@ -27,7 +27,7 @@ from faultbond.model.graph import BondGraph, Component, Unit
 from faultbond.model.units import measure
 from faultbond.report.console import lines, table, title, under
 from faultbond.report.names import LISTED, braced, listed, some
-from faultbond.report.numbers import duration_text, figure, join, unit_text, with_noun, with_unit
+from faultbond.report.numbers import clock_text, duration_text, figure, join, unit_text, with_noun, with_unit
 from faultbond.report.structure import causality_record, inseparable
 from faultbond.types import ElementType
 
@@ -243,6 +243,7 @@ def smallest_record(found: Sequence[SmallestFault]) -> Record:
                 "up": item.up,
                 "down": item.down,
                 "certainty": item.certainty,
+                "onsets": list(item.onsets),
                 "reason": item.reason or None,
                 "alike": list(item.alike),
                 "effects": {
@@ -263,8 +264,9 @@ def print_smallest(
     """
     if not found:
         return
-    within = f"within {duration_text(found[0].within)}, in {100 * found[0].certainty:.0f} of 100 cases"
-    title(console, "Smallest faults that are detected", within)
+    within = duration_text(found[0].within)
+    cases = f"within {within}, in {100 * found[0].certainty:.0f} of 100 cases"
+    title(console, "Smallest faults that are detected", cases)
     rows = []
     for item in found:
         unit, nominal = _unit_of(graph, item.parameter)
@@ -278,6 +280,13 @@ def print_smallest(
     header = ("parameter", "change", "unit", "of nominal", "largest effect, in noise sd", "then alike")
     table(console, header, rows)
     told = _claimed_lines(graph, found) + guess_lines(graph, guessed)
+    if moments := join([clock_text(time) for time in found[0].onsets]):
+        told.append(
+            (
+                "begun",
+                f"at {moments}: what does nothing in {within} after one of these, as while a pump is off, is not found",
+            )
+        )
     told += heat_lines(graph, [item.parameter for item in found])
     if not graph.slow_errors and not any(item.healthy_change for item in graph.parameters):
         exact = "of a plant that is as the model says. What a first model leaves out hides more: `fit --until-quiet`"

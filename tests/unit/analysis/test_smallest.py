@@ -62,8 +62,11 @@ def test_the_predicted_size_is_what_the_monitor_finds(motor: Built) -> None:
     graph, inputs = model.plant.graph, square(onset + window + 1, dt)
     run = simulate(graph, inputs, seed=None)
     samples = [Sample(time=t, dt=dt * (k > 0), u=run.inputs[k], y=run.outputs[k]) for k, t in enumerate(run.time)]
-    size = found(motor, samples=samples, parameters=["K"], within=window * dt, onsets=[onset * dt])["K"].up
+    smallest = found(motor, samples=samples, parameters=["K"], within=window * dt, onsets=[onset * dt])["K"]
+    size = smallest.up
     assert size is not None
+    assert smallest.onsets == pytest.approx([onset * dt])
+    assert found(motor, parameters=["K"], within=window * dt)["K"].onsets == ()
     counts = {1.5: 0, 1 / 1.5: 0}
     for seed in range(40, 49):
         true = healthy_parameters(graph, spread, np.random.default_rng(seed))[2]

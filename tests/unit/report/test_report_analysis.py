@@ -242,7 +242,13 @@ def test_effects_that_rounding_leaves_are_none() -> None:
     larger = [fault("a0", 0.5, claimed=0.7), fault("a1", 0.5, claimed=math.inf), fault("a2", 0.6, claimed=3.5)]
     text = printed(lambda console: print_smallest(console, plant(3), larger, {}))
     assert "claimed a0 and a2 from 70 % on; a1 never. A smaller change may be that of a healthy part" in text
-    records: Any = smallest_record(larger)["smallest_fault"]
+    assert "begun" not in text
+    at = [replace(item, onsets=(20.0, 45.5)) for item in larger]
+    assert "begun at 20 s and 45.5 s: what does nothing in 60 s after" in printed(
+        lambda console: print_smallest(console, plant(3), at, {})
+    )
+    records: Any = smallest_record(at)["smallest_fault"]
+    assert records["a1"]["onsets"] == [20.0, 45.5]
     assert [item["claimed"] for item in records.values()] == [0.7, None, 3.5]
     imperfect = replace(plant(3), slow_errors=(SlowError(target="y", sd=1.0, relative=False, memory=1.0),))
     assert "these are" not in printed(lambda console: print_smallest(console, imperfect, found, {}))
