@@ -13,7 +13,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from faultbond.arrays import FloatArray
+from faultbond.arrays import FloatArray, IntArray
 from faultbond.equations.step import StepModel
 from faultbond.model.graph import BondGraph
 
@@ -61,6 +61,11 @@ class Layout:
     def n_mean(self) -> int:
         """States, slow errors, input noise."""
         return self.n_x + self.n_b + self.n_w
+
+    @property
+    def variances(self) -> IntArray:
+        """Where the variances of the mean lie in a lane, (n_mean,): at the heads of the rows of the triangle."""
+        return self.n_mean + np.cumsum([0, *range(self.n_mean, 1, -1)])[: self.n_mean]
 
     @property
     def n_q(self) -> int:

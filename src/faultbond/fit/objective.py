@@ -14,6 +14,8 @@ from faultbond.fit.side_by_side import side_by_side
 from faultbond.fit.unknowns import Unknowns
 
 BLOCK = 4096  # samples whose innovations are held at a time
+FIRST_BLOCK = 128  # of the first ones, each twice as long as the one before
+BACK = 1e-4  # standard deviations by a unit of a start; what shows less is nothing beside what the first samples tell
 LOG_2_PI = float(np.log(2.0 * np.pi))
 # Of an unknown, for slopes: what a difference leaves out is less than a thousandth of a standard error.
 NUDGE = 1e-5
@@ -191,13 +193,15 @@ def _run_all(
 
 
 def _run(plant: FittedPlant, record: HealthyRecording, lanes: FloatArray, moves: FloatArray, *, keep: bool) -> Scored:
-    """Run one recording from where it begins; moves (n,): by how much unknowns differ in all lanes but the first."""
+    """Run one recording from where it begins; moves (n,): by how much unknowns differ in all lanes but the first.
+
+    Of a start only the first samples tell: a lane that has come back to the first one is followed no further.
+    """
     n_y, count, kept = plant.layout.n_y, len(moves), len(record.time) if keep else 0
-    information, value = np.zeros((count, count)), 0.0
+    information, value, left = np.zeros((count, count)), 0.0, np.arange(count)
     scores, errors, variances = np.zeros((kept or 1, count)), np.full((kept, n_y), np.nan), np.full((kept, n_y), np.nan)
     with np.errstate(all="ignore"):
-        for first in range(0, len(record.time), BLOCK):
-            part = slice(first, first + BLOCK)
+        for part in _parts_of(len(record.time)):
             use = record.use[part]
             lanes, seen = plant.engine.advance(lanes, record.samples[part])
             e, s = _seen(seen[:, :, 0], use)
@@ -207,18 +211,35 @@ def _run(plant: FittedPlant, record: HealthyRecording, lanes: FloatArray, moves:
                 break
             if keep:
                 errors[part], variances[part] = np.where(use, e, np.nan), np.where(use, s, np.nan)
-            slopes = (seen[:, :, 1:] - seen[:, :, :1]) / moves
+            slopes = (seen[:, :, 1:] - seen[:, :, :1]) / moves[left]
             e, s, use = e[:, :, None], s[:, :, None], use[:, :, None]
             e_by, s_by = (np.where(use, item, 0.0) for item in np.split(slopes, 2, axis=1))
-            by_e, by_s = (item.reshape(e.size, count) for item in (e_by / np.sqrt(s), s_by / s))
-            information += by_e.T @ by_e + 0.5 * by_s.T @ by_s
+            by_e, by_s = (item.reshape(e.size, len(left)) for item in (e_by / np.sqrt(s), s_by / s))
+            information[np.ix_(left, left)] += by_e.T @ by_e + 0.5 * by_s.T @ by_s
             ratio = e / s
             score = (-ratio * e_by + 0.5 * (ratio**2 - 1.0 / s) * s_by).sum(axis=1)
             if keep:
-                scores[part] = score
+                scores[part, left] = score
             else:
-                scores[0] += score.sum(axis=0)
+                scores[0, left] += score.sum(axis=0)
+            apart = ~_has_come_back(plant, lanes) | (left < count - plant.n_own) | (left >= count - len(plant.own))
+            lanes, left = lanes[:, np.concatenate([[True], apart])], left[apart]
     return Scored(innovations=errors, variances=variances, scores=scores, information=information, value=value)
+
+
+def _parts_of(count: int) -> Iterator[slice]:
+    """Give parts of so many samples, the first ones shorter: what a start does is over soon."""
+    first, length = 0, FIRST_BLOCK
+    while first < count:
+        yield slice(first, first + length)
+        first, length = first + length, min(2 * length, BLOCK)
+
+
+def _has_come_back(plant: FittedPlant, lanes: FloatArray) -> BoolArray:
+    """Tell of all lanes but the first whether they are where that is, (n,), as far as a slope by a start can show."""
+    n, diagonal = plant.layout.n_mean, plant.layout.variances
+    off = np.abs(lanes[:n, 1:] - lanes[:n, :1])
+    return np.asarray((off**2 <= (BACK * NUDGE) ** 2 * lanes[diagonal, :1]).all(axis=0))
 
 
 def _begun_alone(plant: FittedPlant, point: FitPoint, number: int) -> FloatArray:

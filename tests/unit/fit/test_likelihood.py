@@ -1,13 +1,17 @@
 """The likelihood of innovations, its slopes, and the tests of what is left."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from faultbond.app.likelihood import likelihood_engine
+from faultbond.arrays import FloatArray
 from faultbond.contract.samples import Sample
 from faultbond.errors import ModelError, RecordingError
+from faultbond.fit import objective
 from faultbond.fit.evidence import all_known, evidence_of, likelihoods, tempered
 from faultbond.fit.objective import FitPoint, FittedPlant, evaluate_likelihood, likelihood_value, score_recordings
 from faultbond.fit.samples import HealthyRecording
@@ -143,6 +147,52 @@ def test_the_score_is_the_slope() -> None:
             values.append(evaluate_likelihood(plant, records, there).value)
         off = found.score[k] - (values[0] - values[1]) / 2e-5
         assert abs(off) < 1e-3 * np.sqrt(found.information[k, k]) + 1e-4 * abs(found.score[k])
+
+
+@pytest.mark.parametrize("keep", [False, True])
+def test_what_a_start_does_is_followed_as_long_as_it_shows(keep: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lane that has come back to the first is left out, and slopes are those of all lanes to the end."""
+    plant, records, begin = prepared(RC.replace(", start: {q: 0.1 C, sd: 0.02 C}", ""), recording(900))
+    widths: list[int] = []
+
+    def advance(lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
+        widths.append(lanes.shape[1])
+        return plant.engine.advance(lanes, samples)
+
+    watched = replace(plant, engine=cast("Any", SimpleNamespace(advance=advance)))
+
+    def scored() -> tuple[FloatArray, FloatArray]:
+        (found,) = score_recordings(watched, records, begin)
+        whole = evaluate_likelihood(watched, records, begin)
+        return (found.scores, found.information) if keep else (whole.score, whole.information)
+
+    score, information = scored()
+    assert widths[-1] == widths[0] - 1 == 1 + len(begin.values)
+    monkeypatch.setattr(objective, "BACK", float("nan"))
+    widths.clear()
+    whole, known = scored()
+    assert set(widths) == {2 + len(begin.values)}
+    assert score == pytest.approx(whole, abs=1e-6 * float(np.sqrt(known[-1, -1])))
+    assert np.any(score[..., -1] != whole[..., -1])
+    np.testing.assert_allclose(information, known, rtol=1e-9, atol=1e-9 * float(known[-1, -1]))
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_what_is_no_start_is_followed_to_the_end(own: bool) -> None:
+    """A gain does nothing while its input is 0, and much later on; the same where each recording has its own."""
+    text = RC.replace("law: e = V", "law: e = K*V, parameters: {K: 1}").replace(", noise: 0.2 V", "")
+    text = text.replace(", start: {q: 0.1 C, sd: 0.02 C}", "")
+    points = [replace(item, u=item.u * (k >= 400)) for k, item in enumerate(recording(900))]
+    plant, records, begin = prepared(text, points)
+    gain = [item.name for item in plant.unknowns.parameters].index("K")
+    place = gain
+    if own:
+        place = -1
+        plant = replace(plant, own=((int(plant.unknowns.places[gain]), 0.1),))
+        begin = replace(begin, starts=np.array([[0.1, 1.0]]), sizes=np.array([[0.02, 0.1]]))
+    (found,) = score_recordings(plant, records, begin)
+    assert not np.any(found.scores[:400, place])
+    assert np.count_nonzero(found.scores[401:, place]) > 490
 
 
 def test_a_start_in_a_tiny_unit_is_not_lost_in_rounding() -> None:
