@@ -73,6 +73,7 @@ from faultbond.model.amend import amended
 from faultbond.model.expression import Name
 from faultbond.model.graph import BondGraph, SlowError
 from faultbond.model.parser import to_text
+from faultbond.model.rewrite import parameter_path
 from faultbond.model.text import load_model, parse_model
 from faultbond.report.fit_result import Fitted, noise_rows
 from faultbond.report.health import health_record, where_lines
@@ -86,6 +87,7 @@ from faultbond.report.quiet_result import (
     quiet_verdict,
     raised_text,
     widened_text,
+    with_stated_accuracies,
 )
 from faultbond.report.reservations import unexplained_sentence
 from faultbond.runtime.core import Core
@@ -1050,6 +1052,22 @@ def test_how_long_a_search_may_take_is_told_of_long_ones() -> None:
     assert "took 12 min; the search for what is missing usually takes 60 min to 4 h from here" in forecast(720.0)
 
 
+def test_what_a_stopped_search_has_moved_far_may_go_back() -> None:
+    """Its accuracy reaches back to where it was stated; of what has moved within that it is the stated one."""
+    stated = parse_model(MODEL)
+    r, inductance = stated.parameter("R"), stated.parameter("L")
+    near, far = r.nominal + 0.5 * r.accuracy, 0.1 * inductance.nominal
+    moved = {"R": (near, 0.1 * r.accuracy), "L": (far, 0.01 * inductance.accuracy)}
+    entries = [
+        (parameter_path(stated, name), f"{{nominal: {value:.9g} {unit}, accuracy: {accuracy:.9g} {unit}}}")
+        for (name, (value, accuracy)), unit in zip(moved.items(), ("ohm", "H"), strict=True)
+    ]
+    left = parse_model(with_stated_accuracies(amended(MODEL, entries, "made"), stated))
+    assert left.parameter("L").nominal == pytest.approx(far)
+    assert left.parameter("L").accuracy == pytest.approx(inductance.nominal - far, rel=0.02)
+    assert left.parameter("R").accuracy == pytest.approx(r.accuracy * near / r.nominal, rel=0.04)
+
+
 def test_what_was_found_is_written_when_the_search_is_stopped(
     model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -1068,8 +1086,10 @@ def test_what_was_found_is_written_when_the_search_is_stopped(
     assert (record["stopped"], record["rounds"], record["added"], record["raised"]) == (True, 0, [], [])
     written = load_model(output)
     assert written.parameter("R").nominal == pytest.approx(R, rel=0.02)
-    accuracies = {item.name: item.accuracy / item.nominal for item in written.parameters}
-    assert accuracies == pytest.approx({"R": 0.03, "L": 0.05}, rel=0.04)  # as stated: nothing was put on trial
+    for item in written.parameters:  # nothing was put on trial: what was stated is still an accuracy away
+        was = load_model(model).parameter(item.name)
+        assert abs(item.nominal - was.nominal) > was.accuracy
+        assert item.accuracy == pytest.approx(abs(item.nominal - was.nominal), rel=0.04)
     assert not written.correlations
     assert written.input("V").fitted_range == pytest.approx((-4.0, 5.0))
     told = " ".join(capsys.readouterr().out.split()), " ".join(page.read_text(encoding="utf-8").split())

@@ -287,14 +287,19 @@ def widened_text(text: str, graph: BondGraph, times: Mapping[str, float]) -> str
 
 
 def with_stated_accuracies(text: str, stated: BondGraph) -> str:
-    """Give a fitted model text in which no parameter is surer than it was stated, and none go together beyond that."""
+    """Give a fitted model text in which no parameter is surer than it was stated, and none go together beyond that.
+
+    What has gone farther than was stated of it is known to as much as it has gone: half-way of a search it may stand
+    for what is missing elsewhere, and the next fit would else hold it there.
+    """
     text = with_correlations(text, correlation_rows(stated.correlations))
     read, times = parse_model(text, file=stated.file), dict[str, float]()
     for item in stated.parameters:
         found = read.parameter(item.name)
         part = abs(found.nominal / item.nominal) if item.nominal else 1.0
-        if found.accuracy > 0.0 and item.accuracy * part > found.accuracy:
-            times[item.name] = item.accuracy * part / found.accuracy
+        known = max(item.accuracy * part, abs(found.nominal - item.nominal))
+        if found.accuracy > 0.0 and known > found.accuracy:
+            times[item.name] = known / found.accuracy
     return widened_text(text, read, times)
 
 
@@ -561,7 +566,7 @@ def quiet_verdict(found: Quieted) -> str:
         return f"The search was stopped before its end. {quiet_verdict(replace(found, stopped=None, failed=None))}"
     health = found.health
     if health is None:
-        by_then = "The model is as it was by then, its accuracies as they were stated"
+        by_then = "The model is as it was by then, its accuracies as stated, or as far as it has gone"
         if found.alarms:
             return f"{by_then}. It alarms on {join([*found.alarms])}, so `run` claims no fault by it (`false_alarms`)."
         return f"{by_then}, and nobody knows yet how quiet: ask `faultbond check --data`."
