@@ -60,6 +60,17 @@ def text_of(name: str) -> str:
     return core_text(build_spec(build_step_model(plant)), build_step_model(plant, all_inputs=True))
 
 
+def test_what_several_lanes_are_divided_by_is_inverted_once() -> None:
+    """Where all lanes share it, or one alone is divided by it, the quotient stays one: it is exact where they are alike."""
+    v, u, z = ca.SX.sym("v", 3), ca.SX.sym("u", 1), ca.SX.sym("z", 0)
+    value = ca.vertcat(v[0] / v[1], (v[0] + 1) / v[1], 1 / v[1], v[0] / v[2], v[1] / u, v[2] / u)
+    text = function_text(ca.Function("laws", [v, u, z], [value]), {"value": "lanes"})
+    assert text.count(" / v[1];") == text.count("const lanes by_v1 = 1.0 / v[1];") == 1
+    assert text.count("* by_v1;") == 2
+    assert text.count(" / v[2];") == 1
+    assert text.count(" / u[0];") == 2
+
+
 def test_same_model_same_text() -> None:
     """The text of a model is the same byte for byte each time, also in another process that orders sets otherwise."""
     here = text_of("tank")
