@@ -61,7 +61,7 @@ def text_of(name: str) -> str:
 
 
 def test_what_several_lanes_are_divided_by_is_inverted_once() -> None:
-    """Where all lanes share it, or one alone is divided by it, the quotient stays one: it is exact where they are alike."""
+    """Quotients by what all lanes share stay, and so does a single one: of what is alike they are exactly 1."""
     v, u, z = ca.SX.sym("v", 3), ca.SX.sym("u", 1), ca.SX.sym("z", 0)
     value = ca.vertcat(v[0] / v[1], (v[0] + 1) / v[1], 1 / v[1], v[0] / v[2], v[1] / u, v[2] / u)
     text = function_text(ca.Function("laws", [v, u, z], [value]), {"value": "lanes"})
