@@ -37,7 +37,7 @@ _FUNCTIONS = {  # operations that are a call in C, for scalars and (with v_) for
     "OP_IF_ELSE_ZERO": "where_true",
 }
 _OWN = frozenset({"exp", "log", "pow"})  # that maths.h has for scalars too, by the name with _one
-_IN_NAMES = {ord("["): "", ord("]"): ""}  # of an argument, such as v[3]
+_IN_NAMES = {ord("["): "_", ord("]"): ""}  # of an argument, such as v[3], which is not v3
 _NAMES = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
 
 
