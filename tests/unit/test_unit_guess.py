@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+from faultbond.app import unit_guess
 from faultbond.app.method_face import Watcher
 from faultbond.app.unit_guess import FRACTION, TURNED, _is_quiet, _readings
 from faultbond.cli import main
@@ -85,6 +86,15 @@ def test_a_column_in_another_unit_is_told(
     assert f"If it is so, {cure}; what follows is then no fault." in " ".join(said.out.split())
     assert said.err.startswith(f"faultbond: {text}")
     assert text in page.read_text().replace("\u00a0", " ")
+
+
+def test_where_trials_take_too_long_nothing_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hint is worth no minutes, and of some units that were tried nobody knows whether others would do."""
+    monkeypatch.setattr(unit_guess, "PATIENCE", 0.0)
+    assert main(["run", MODEL, recording(tmp_path, times(FLOW, -1.0))]) == 1
+    assert "looks as if" not in "".join(capsys.readouterr())
 
 
 @pytest.mark.parametrize(("ends", "told"), [("10 percent, 90 percent", True), ("0 percent, 1 percent", False)])

@@ -8,6 +8,7 @@ one that raises no alarm is told.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from time import process_time
 
 import numpy as np
 
@@ -26,6 +27,7 @@ MOST_SIGNALS = 12  # that are tried, those in which the alarm was raised first
 MOST_NAMED = 3  # signals; where more would do, any would
 FEW = 0.01  # of the values may be refused as wild
 PART = 20  # samples that are watched before anyone looks
+PATIENCE = 10.0  # s of a processor; who waits for a verdict does not wait longer for a hint
 JUDGED = 0.9  # of the samples up to the alarm that were judged must be so: where the model never holds, all is quiet
 _LOST, _OUTSIDE = STATUSES.index(Status.LOST), STATUSES.index(Status.OUTSIDE)
 PERCENT, FRACTION = "percent", "parts of 1"
@@ -116,13 +118,15 @@ def sentence_of(guesses: Iterable[UnitGuess]) -> str:
 def guess_units(watchers: Iterator[Watcher], points: Iterable[PointBlock], alarm: Detection) -> tuple[UnitGuess, ...]:
     """Give what signals seem to be recorded in, where an alarm was raised early; empty where no other unit is quiet.
 
+    Also where there is no time to try them all: what was not tried may do as well.
+
     Parameters
     ----------
     watchers : fresh ones of the plant, as many as are asked for, of which an alarm is all that is asked
     points : of the recording, from its beginning
     alarm : the first one
     """
-    watcher = next(watchers)
+    watcher, begun = next(watchers), process_time()
     if alarm.sample > watcher.asleep + EARLY:
         return ()
     begin = _beginning(points, alarm.sample + QUIET)
@@ -133,6 +137,8 @@ def guess_units(watchers: Iterator[Watcher], points: Iterable[PointBlock], alarm
     until, found = alarm.sample + 1, []
     least = JUDGED * _judged(watcher, begin[:until])
     for other in _others(watcher.spec, alarm.signals, len(begin)):
+        if process_time() > begun + PATIENCE:
+            return ()
         u, y = begin.u.copy(), begin.y.copy()
         column = (y if other.is_sensor else u)[:, other.place]
         declared = column.copy()

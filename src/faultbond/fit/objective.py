@@ -19,6 +19,7 @@ BACK = 1e-4  # standard deviations by a unit of a start; what shows less is noth
 LOG_2_PI = float(np.log(2.0 * np.pi))
 # Of an unknown, for slopes: what a difference leaves out is less than a thousandth of a standard error.
 NUDGE = 1e-5
+UNHEARD = 1e6  # times the noise of a sensor, of which nothing is learned
 LEAST_NUDGE = 1e-9  # part of a start; less would be lost in rounding
 
 
@@ -159,19 +160,25 @@ def follow_alone(
 ) -> FloatArray:
     """Give what the plant shows under the inputs of one recording alone, (N, n_outputs), SI; nan: it has no value.
 
+    Where sensors read only at times as stated the filter asks them what they read where they do: it is told that they
+    scatter so much that it learns nothing.
+
     more: (n_inputs,), by which each is larger, SI.
     """
-    lanes, place = _begun_alone(plant, point, number), plant.layout.sample_fields
+    layout, q = plant.layout, plant.unknowns.fill(plant.base, point.values)[0]
+    place, asks = layout.sample_fields, layout.n_held > 0
+    q = q + np.log(UNHEARD) * (asks & np.isin(np.arange(len(q)), layout.first_noise + np.arange(layout.n_y)))
+    lanes = plant.lanes(q[None], point.starts[number : number + 1])
     samples, found = record.samples.copy(), np.full(record.use.shape, np.nan)
-    samples[:, place["use"]] = 0.0
+    samples[:, place["use"]] = record.use * asks
     if more is not None:
         samples = with_raised(samples, place, more)
     with np.errstate(all="ignore"):
         for first in range(0, len(samples), BLOCK):
             part = slice(first, first + BLOCK)
             lanes, seen = plant.engine.advance(lanes, samples[part])
-            found[part] = samples[part][:, place["y"]] - seen[:, : plant.layout.n_y, 0]
-    return found
+            found[part] = samples[part][:, place["y"]] - seen[:, : layout.n_y, 0]
+    return np.where(record.use | (not asks), found, np.nan)
 
 
 def ways_of(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> FloatArray:

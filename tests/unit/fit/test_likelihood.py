@@ -13,7 +13,14 @@ from faultbond.contract.samples import Sample
 from faultbond.errors import ModelError, RecordingError
 from faultbond.fit import objective
 from faultbond.fit.evidence import all_known, evidence_of, likelihoods, tempered
-from faultbond.fit.objective import FitPoint, FittedPlant, evaluate_likelihood, likelihood_value, score_recordings
+from faultbond.fit.objective import (
+    FitPoint,
+    FittedPlant,
+    evaluate_likelihood,
+    follow_alone,
+    likelihood_value,
+    score_recordings,
+)
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.session import build_fit, free_parameters
 from faultbond.fit.unknowns import unknowns_of
@@ -204,6 +211,20 @@ def test_a_start_in_a_tiny_unit_is_not_lost_in_rounding() -> None:
         for size in (1.0, 3e-12)
     )
     assert tiny == pytest.approx(usual, rel=1e-3)
+
+
+def test_what_a_sensor_would_show_is_told_where_it_reads_as_stated() -> None:
+    """Of one with `valid_when` too, as of the same one without; it was told as nothing at all, in kelvin."""
+    points = recording(200)
+    plain, records, begin = prepared(RC, points)
+    text = RC.replace("unit: V, noise: 0.1 V}", "unit: V, noise: 0.1 V, valid_when: {when: V > 1, settling: 0.3 s}}")
+    plant, held, there = prepared(text, points)
+    expected, found = follow_alone(plain, records[0], begin, 0), follow_alone(plant, held[0], there, 0)
+    use = held[0].use
+    assert 20 < use[:, 0].sum() < 120
+    np.testing.assert_allclose(found[use], expected[use], rtol=1e-7)
+    assert np.isnan(found[~use]).all()
+    assert np.abs(expected[use]).max() > 1.0
 
 
 def test_the_height_alone_is_that_with_slopes() -> None:
