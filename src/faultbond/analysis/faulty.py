@@ -32,7 +32,7 @@ class FaultTarget:
     """What may change: a parameter, a sensor or an input, by its position; -1 for the two that it is not.
 
     scale: SI size of one factor, in which all sizes are. first: the first size tried. most: the largest up, and down.
-    is_gain: whether it is the gain of the input. largest: size that the input reaches, SI.
+    is_gain: whether it is the gain of the input. largest: size of the input of which its faults are parts, SI.
     """
 
     name: str
@@ -72,11 +72,13 @@ def fault_targets(spec: EngineSpec, operation: Operation) -> tuple[FaultTarget, 
             found.append(
                 FaultTarget(name=name, scale=size, first=_FIRST_INPUT, most=most, input=item.index, largest=size)
             )
+    zeros = np.array([item.unit_offset for item in spec.inputs])
+    shown = np.max(np.abs(operation.u - zeros), axis=0, initial=0.0)  # a gain is of what the unit counts
     for item in spec.instruments:
-        if not item.is_output and np.any(operation.u[:, item.index] != spec.inputs[item.index].unit_offset):
-            name, most = f"{item.name}{GAIN}", (_MOST_INPUT, 1.0)
+        if not item.is_output and shown[item.index] > 0.0:
+            name, most, size = f"{item.name}{GAIN}", (_MOST_INPUT, 1.0), float(shown[item.index])
             gain = FaultTarget(name=name, scale=1.0, first=_FIRST_INPUT, most=most, input=item.index, is_gain=True)
-            found.append(replace(gain, largest=float(largest[item.index]) or 1.0))
+            found.append(replace(gain, largest=size))
     return tuple(found)
 
 

@@ -16,7 +16,7 @@ Source: none in the thesis, which states no size; the statistics are those of `r
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import log
+from math import isinf, log
 from types import MappingProxyType
 
 import numpy as np
@@ -90,6 +90,11 @@ class SmallestFault:
     reason: str = ""
     claimed: float = 0.0
     onsets: tuple[float, ...] = ()
+
+    @property
+    def told(self) -> float | None:
+        """The change that is found and claimed, SI; None where none is."""
+        return None if self.value is None or isinf(self.claimed) else max(self.value, self.claimed)
 
     @property
     def direction(self) -> str | None:

@@ -50,10 +50,7 @@ from faultbond.synthesis.engine import build_model
 
 LEAST = 60  # samples of a part of the recordings
 SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a standard error or so
-SEARCH = (
-    5.0,
-    20.0,
-)  # times as long as the first fit a search takes, measured in docs/fitting.md
+SEARCH = (5.0, 20.0)  # times as long as the first fit a search takes; measured, see docs/fitting.md
 LONG = 300.0  # s; of a search that may take longer it is told how long
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 

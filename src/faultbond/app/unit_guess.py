@@ -8,7 +8,7 @@ one that raises no alarm is told.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from time import process_time
+from time import thread_time
 
 import numpy as np
 
@@ -126,7 +126,7 @@ def guess_units(watchers: Iterator[Watcher], points: Iterable[PointBlock], alarm
     points : of the recording, from its beginning
     alarm : the first one
     """
-    watcher, begun = next(watchers), process_time()
+    watcher, begun = next(watchers), thread_time()
     if alarm.sample > watcher.asleep + EARLY:
         return ()
     begin = _beginning(points, alarm.sample + QUIET)
@@ -137,7 +137,7 @@ def guess_units(watchers: Iterator[Watcher], points: Iterable[PointBlock], alarm
     until, found = alarm.sample + 1, []
     least = JUDGED * _judged(watcher, begin[:until])
     for other in _others(watcher.spec, alarm.signals, len(begin)):
-        if process_time() > begun + PATIENCE:
+        if thread_time() > begun + PATIENCE:
             return ()
         u, y = begin.u.copy(), begin.y.copy()
         column = (y if other.is_sensor else u)[:, other.place]

@@ -68,6 +68,12 @@ class Layout:
         return self.n_mean + np.cumsum([0, *range(self.n_mean, 1, -1)])[: self.n_mean]
 
     @property
+    def output_variances(self) -> slice:
+        """Where those of the noise of sensors lie in a lane: behind the triangle, what is felt, and the parameters."""
+        first = self.n_mean + self.n_mean * (self.n_mean + 1) // 2 + self.n_felt + self.n_p
+        return slice(first, first + self.n_y)
+
+    @property
     def n_q(self) -> int:
         """Numbers that may be unknown, without the start."""
         return self.first_each + self.n_felt

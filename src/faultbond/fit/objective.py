@@ -165,20 +165,18 @@ def follow_alone(
 
     more: (n_inputs,), by which each is larger, SI.
     """
-    layout, q = plant.layout, plant.unknowns.fill(plant.base, point.values)[0]
-    place, asks = layout.sample_fields, layout.n_held > 0
-    q = q + np.log(UNHEARD) * (asks & np.isin(np.arange(len(q)), layout.first_noise + np.arange(layout.n_y)))
-    lanes = plant.lanes(q[None], point.starts[number : number + 1])
+    lanes, place, asks = _begun_alone(plant, point, number), plant.layout.sample_fields, plant.layout.n_held > 0
+    lanes[plant.layout.output_variances] *= UNHEARD**2
     samples, found = record.samples.copy(), np.full(record.use.shape, np.nan)
-    samples[:, place["use"]] = record.use * asks
+    samples[:, place["use"]] = record.use if asks else 0.0
     if more is not None:
         samples = with_raised(samples, place, more)
     with np.errstate(all="ignore"):
         for first in range(0, len(samples), BLOCK):
             part = slice(first, first + BLOCK)
             lanes, seen = plant.engine.advance(lanes, samples[part])
-            found[part] = samples[part][:, place["y"]] - seen[:, : layout.n_y, 0]
-    return np.where(record.use | (not asks), found, np.nan)
+            found[part] = samples[part][:, place["y"]] - seen[:, : plant.layout.n_y, 0]
+    return np.where(record.use, found, np.nan) if asks else found
 
 
 def ways_of(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> FloatArray:

@@ -281,12 +281,8 @@ def print_smallest(
     table(console, header, rows)
     told = _claimed_lines(graph, found) + guess_lines(graph, guessed)
     if moments := join([clock_text(time) for time in found[0].onsets]):
-        told.append(
-            (
-                "begun",
-                f"at {moments}: what does nothing in {within} after one of these, as while a pump is off, is not found",
-            )
-        )
+        idle = f"what does nothing in {within} after one of these, as while a pump is off, is not found"
+        told.append(("begun", f"at {moments}: {idle}"))
     told += heat_lines(graph, [item.parameter for item in found])
     if not graph.slow_errors and not any(item.healthy_change for item in graph.parameters):
         exact = "of a plant that is as the model says. What a first model leaves out hides more: `fit --until-quiet`"

@@ -116,9 +116,7 @@ class Quieted:
     @property
     def smallest_claimed(self) -> dict[str, float | None]:
         """The smallest fault of each suspect that is found now, and claimed: more than it may do while healthy."""
-        claimed = {item.parameter: item for item in self.smallest_after if math.isfinite(item.claimed)}
-        sizes = {name: item.value and max(item.value, item.claimed) for name, item in claimed.items()}
-        return {item.parameter: sizes.get(item.parameter) for item in self.smallest_after}
+        return {item.parameter: item.told for item in self.smallest_after}
 
 
 def _is_below(value: float | None, most: float) -> bool:
@@ -526,7 +524,7 @@ def _cost_rows(found: Quieted) -> Iterator[tuple[str, ...]]:
         sizes = (None if first is None else first.value), found.smallest_claimed[item.parameter]
         for one, size in zip((first, item), sizes, strict=True):
             if size is None:
-                texts.append((one and (one.reason or ("" if one.value is None else "never claimed"))) or "not found")
+                texts.append("never claimed" if one and one.value is not None else (one and one.reason) or "not found")
                 continue
             part = f" ({short(100 * size / nominal)} %)" if nominal else ""
             texts.append(figure(unit.difference_from_si(size), digits=3).number() + part)

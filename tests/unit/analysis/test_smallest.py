@@ -2,12 +2,17 @@
 
 from dataclasses import replace
 from math import inf, sqrt
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from diagnosed import SPEC
+from faultbond.analysis.faulty import fault_targets
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
 from faultbond.app.realisations import compiled_detector
+from faultbond.contract.claims import claimed_parameter
 from faultbond.contract.samples import Sample
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.step import StepModel
@@ -66,6 +71,8 @@ def test_the_predicted_size_is_what_the_monitor_finds(motor: Built) -> None:
     size = smallest.up
     assert size is not None
     assert smallest.onsets == pytest.approx([onset * dt])
+    index = [item.name for item in motor[1].parameters].index("K")
+    assert smallest.claimed == claimed_parameter(motor[1], index) > 0.0
     assert found(motor, parameters=["K"], within=window * dt)["K"].onsets == ()
     counts = {1.5: 0, 1 / 1.5: 0}
     for seed in range(40, 49):
@@ -233,3 +240,13 @@ def test_bad_requests_are_refused(motor: Built) -> None:
         found(motor, samples=samples)
     with pytest.raises(RecordingError, match="choose onsets between them"):
         found(motor, samples=samples, within=0.2, onsets=[100.0])
+
+
+@pytest.mark.parametrize(("reached", "gains"), [((303.15, 263.15), 1), ((273.15,), 0)])
+def test_a_gain_is_of_what_its_unit_counts(reached: tuple[float, ...], gains: int) -> None:
+    """Of 30 degC it is 30 K, of 0 degC nothing; a bias is a part of all of the 303 K: the core takes both so."""
+    spec = replace(SPEC, inputs=(replace(SPEC.inputs[0], unit_offset=273.15),))
+    u = np.array([[273.15], *([level] for level in reached)])
+    targets = {item.name: item for item in fault_targets(spec, cast("Any", SimpleNamespace(u=u)))}
+    assert targets["V.bias"].largest == targets["V.bias"].scale == pytest.approx(max(reached))
+    assert [item.largest for item in targets.values() if item.is_gain] == pytest.approx([30.0] * gains)
