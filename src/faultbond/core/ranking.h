@@ -143,54 +143,48 @@ static void share_products(const Bank *bank, int out, Ranking *ranking)
     }
 }
 
-/* What the lanes of wrong gains of an input say, whatever their kind, with which weight beside the others, and the hypothesis of
-   the input, -1: it is no suspect. */
-static double said_of_gains(const Ranking *ranking, int input, double *weight, int64_t *hypothesis)
+/* What the lanes of wrong gains of an input say, whatever their kind, and the hypothesis of the input, -1: it is no suspect. */
+static double said_of_gains(const Ranking *ranking, int input, int64_t *hypothesis)
 {
     double said = -INFINITY;
-    *weight = -INFINITY;
     *hypothesis = -1;
     for (int64_t lane = 0; lane < SWITCHED; lane++) {
         if (SLOT_INPUT[lane] != input || !SLOT_SCALES[lane]) continue;
         said = log_add(said, ranking->weighted[N_STEPS + lane]);
-        *weight = log_add(*weight, SLOT_WEIGHT[lane]);
         *hypothesis = SLOT_HYPOTHESIS[lane];
     }
     return said;
 }
 
-/* The same of a parameter alone, but for what comes and goes: as a step, whose starts weigh one together, and by lanes with a slot. */
-static double said_of_parameter(const Ranking *ranking, int64_t set, int parameter, double *weight)
+/* The same of a parameter alone, but for what comes and goes. */
+static double said_of_parameter(const Ranking *ranking, int64_t set, int parameter)
 {
     double said = -INFINITY;
-    *weight = 0.0;
     for (int64_t lane = FIRST_LANE[set]; lane < FIRST_LANE[set + 1]; lane++) said = log_add(said, ranking->weighted[lane]);
-    for (int64_t lane = 0; lane < SWITCHED; lane++) {
-        if (SLOT_PARAMETER[lane] != parameter) continue;
-        said = log_add(said, ranking->weighted[N_STEPS + lane]);
-        *weight = log_add(*weight, SLOT_WEIGHT[lane]);
-    }
+    for (int64_t lane = 0; lane < SWITCHED; lane++)
+        if (SLOT_PARAMETER[lane] == parameter) said = log_add(said, ranking->weighted[N_STEPS + lane]);
     return said;
 }
 
-/* Let a wrong gain of an input, and a change of the parameter with which alone it acts, say what either says where that parameter
-   wanders: a wander that is as large as before after a change of the one would be less after one of the other, and which of both it is
-   nobody knows. What is ruled out stays so. */
-static void share_wanders(const Bank *bank, int out, Ranking *ranking)
+/* Let a wrong gain of an input, and a change of the parameter with which alone it acts, say what either says: which of both it is
+   nobody knows. Their lanes begin elsewhere and from other spreads, and what the parameter wanders goes on as large as before after
+   a change of it, and smaller after one of the input. What comes and goes, and what is ruled out, says its own. */
+static void share_gains(const Bank *bank, int out, Ranking *ranking)
 {
     for (int input = 0; input < N_INPUTS; input++) {
-        double of_gains, of_parameter;
         int64_t instrument;
-        const int parameter = INPUT_WANDER[input];
+        const int parameter = INPUT_FACTOR[input];
         const int64_t set = parameter < 0 ? -1 : single_of(parameter);
         if (set < 0 || is_out(bank, out, set)) continue;
-        const double gains = said_of_gains(ranking, input, &of_gains, &instrument);
+        const double gains = said_of_gains(ranking, input, &instrument);
         if (instrument < 0 || is_out(bank, out, instrument)) continue;
-        const double own = said_of_parameter(ranking, set, parameter, &of_parameter), more = (gains - of_gains) - (own - of_parameter);
+        const double own = said_of_parameter(ranking, set, parameter), weight = weight_of_gain(instrument);
+        const double more = gains - weight - own;
         if (!isfinite(more)) continue;
-        for (int kind = 0; kind < N_KINDS && more > 0.0; kind++) ranking->kinds[set][kind] += more;
+        for (int kind = 0; kind < N_KINDS && more > 0.0; kind++)
+            if (kind != KIND_INTERMITTENT) ranking->kinds[set][kind] += more;
         double *gain = &ranking->kinds[instrument][KIND_GAIN];
-        if (more < 0.0) *gain = fmax(*gain, own - of_parameter + weight_of_gain(instrument));
+        if (more < 0.0) *gain = fmax(*gain, own + weight);
     }
 }
 
@@ -216,7 +210,7 @@ static void score_all(const State *state, int out, Ranking *ranking)
         *total = log_add(*total, ranking->weighted[lane]);
     }
     share_products(bank, out, ranking);
-    share_wanders(bank, out, ranking);
+    share_gains(bank, out, ranking);
     for (int64_t k = 0; k < N_HYPOTHESES; k++) {
         const double *kinds = ranking->kinds[k];
         double total = kinds[0];

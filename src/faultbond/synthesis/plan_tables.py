@@ -126,9 +126,6 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
     yield numbers("INPUT_HEALTHY_BIAS", (item.healthy_bias for item in spec.inputs))
     yield numbers("INPUT_ZERO", (item.unit_offset for item in spec.inputs))
     yield integers("INPUT_FACTOR", (item.factor for item in spec.inputs))
-    wandering = {item.name for item in spec.slow_errors if item.wanders}
-    moving = {k for k, item in enumerate(spec.parameters) if item.name in wandering}
-    yield integers("INPUT_WANDER", (item.factor if item.factor in moving else -1 for item in spec.inputs))
     yield integers("INPUT_RANGED", (item.ranged for item in spec.inputs))
     yield numbers("OUTPUT_NOISE", (item.noise for item in spec.outputs))
     yield numbers("OUTPUT_HEALTHY_BIAS", (item.healthy_bias for item in spec.outputs))
