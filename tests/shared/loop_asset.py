@@ -3,12 +3,10 @@
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 from faultbond.app.plant import WatchedPlant, find_plant
 from faultbond.app.wishes import Wanted
 from faultbond.io.recording import read_blocks
-from faultbond.io.row_block import RowBlock
+from faultbond.io.row_block import RowBlock, joined_rows
 from faultbond.service.contract.messages import Action, Deed
 
 MODEL = Path("examples/rlc/model.yaml").resolve()
@@ -25,8 +23,7 @@ def plant() -> WatchedPlant:
 @cache
 def rows() -> RowBlock:
     """Give the rows of the recording in one block."""
-    blocks = list(read_blocks(str(RECORDING), plant().columns))
-    return RowBlock(**{name: np.concatenate([getattr(b, name) for b in blocks]) for name in RowBlock.__slots__})
+    return joined_rows(list(read_blocks(str(RECORDING), plant().columns)))
 
 
 def deed(action: Action, *target: str, rows: int = 0, at: float = 100.0, until: float | None = None) -> Deed:

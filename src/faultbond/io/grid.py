@@ -19,7 +19,7 @@ from faultbond.arrays import BoolArray, FloatArray, IntArray
 from faultbond.errors import RecordingError, RowError
 from faultbond.io.frozen import Frozen
 from faultbond.io.grid_points import GridPoint, PointBlock, blocks_of_points, empty_points
-from faultbond.io.row_block import Row, RowBlock, block_of_rows, joined
+from faultbond.io.row_block import Row, RowBlock, block_of_rows, joined_rows
 from faultbond.io.row_means import RowMeans
 
 __all__ = ["Counts", "Grid", "GridClock", "GridPoint", "PointBlock", "Row", "RowBlock", "blocks_of_points", "on_grid"]
@@ -287,7 +287,7 @@ class Grid:
         self._follow = True
         waiting = sorted(self._waiting)
         if waiting:
-            rows = joined(block_of_rows([item[3] for item in waiting]), rows)
+            rows = joined_rows((block_of_rows([item[3] for item in waiting]), rows))
         newest, n_waiting = float(rows.time[-1]), len(waiting)
         n_settled = int(np.count_nonzero(rows.time <= newest - keep * step))
         n_placed = max(min(n_settled, len(rows) - keep), 0)
@@ -313,7 +313,7 @@ class Grid:
             return None
         rows, index, distance = rows.part(slice(n_passed, None)), index[n_passed:], distance[n_passed:]
         if self._best is not None:
-            rows = joined(block_of_rows([self._best[2]]), rows)
+            rows = joined_rows((block_of_rows([self._best[2]]), rows))
             index, distance = np.append(self._best[0], index), np.append(self._best[1], distance)
         chosen = _first_of_each(index) if self._live else _nearest(index, distance)
         self._tally["unused"] += len(index) - len(chosen)

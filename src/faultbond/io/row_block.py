@@ -1,19 +1,29 @@
 """Rows of a recording in SI, one by one or many at once in arrays."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from hashlib import sha256
 
 import numpy as np
 
-from faultbond.arrays import FloatArray, IntArray
+from faultbond.arrays import ByteArray, FloatArray, IntArray
+
+
+class Quality(IntEnum):
+    """How good a source says that a value is; of a bad one there is no number."""
+
+    GOOD = 0
+    UNCERTAIN = 1
+    BAD = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Row:
     """One row of a recording: time in seconds, u (n_inputs,) and y (n_outputs,) in SI, nan where there is no value.
 
-    saturated: how many sensors were at an end of their range, and inputs beyond theirs; their values are nan.
+    saturated: how many sensors were at an end of their range, and inputs beyond theirs; their values are nan. quality:
+    a `Quality` for each value, (n_inputs + n_outputs,); None: all are good.
     """
 
     time: float
@@ -21,6 +31,7 @@ class Row:
     y: FloatArray
     saturated: int = 0
     line: int = 0
+    quality: ByteArray | None = None
 
     def repeats(self, other: "Row") -> bool:
         """Whether this is the other row once more."""
@@ -38,7 +49,8 @@ class Row:
 class RowBlock:
     """Rows one after the other, each as in `Row`.
 
-    time (n_rows,), u (n_rows, n_inputs), y (n_rows, n_outputs); saturated, line: (n_rows,), whole numbers.
+    time (n_rows,), u (n_rows, n_inputs), y (n_rows, n_outputs); saturated, line: (n_rows,), whole numbers; quality
+    (n_rows, n_inputs + n_outputs), or None where all are good.
     """
 
     time: FloatArray
@@ -46,6 +58,7 @@ class RowBlock:
     y: FloatArray
     saturated: IntArray
     line: IntArray
+    quality: ByteArray | None = None
 
     def __len__(self) -> int:
         return len(self.time)
@@ -58,6 +71,7 @@ class RowBlock:
             y=self.y[k],
             saturated=int(self.saturated[k]),
             line=int(self.line[k]),
+            quality=None if self.quality is None else self.quality[k],
         )
 
     def part(self, chosen: slice | IntArray) -> "RowBlock":
@@ -68,6 +82,7 @@ class RowBlock:
             y=self.y[chosen],
             saturated=self.saturated[chosen],
             line=self.line[chosen],
+            quality=None if self.quality is None else self.quality[chosen],
         )
 
 
@@ -79,15 +94,32 @@ def block_of_rows(rows: Sequence[Row]) -> RowBlock:
         y=np.array([row.y for row in rows]),
         saturated=np.array([row.saturated for row in rows]),
         line=np.array([row.line for row in rows]),
+        quality=_stacked([row.quality for row in rows], [(row.u.size + row.y.size,) for row in rows], np.array),
     )
 
 
-def joined(one: RowBlock, other: RowBlock) -> RowBlock:
-    """Give the rows of two blocks as one."""
+def joined_rows(blocks: Sequence[RowBlock]) -> RowBlock:
+    """Give the rows of blocks, one at least, as one."""
+    if len(blocks) == 1:
+        return blocks[0]
+    shapes = [(len(item), item.u.shape[1] + item.y.shape[1]) for item in blocks]
     return RowBlock(
-        time=np.concatenate([one.time, other.time]),
-        u=np.concatenate([one.u, other.u]),
-        y=np.concatenate([one.y, other.y]),
-        saturated=np.concatenate([one.saturated, other.saturated]),
-        line=np.concatenate([one.line, other.line]),
+        time=np.concatenate([item.time for item in blocks]),
+        u=np.concatenate([item.u for item in blocks]),
+        y=np.concatenate([item.y for item in blocks]),
+        saturated=np.concatenate([item.saturated for item in blocks]),
+        line=np.concatenate([item.line for item in blocks]),
+        quality=_stacked([item.quality for item in blocks], shapes, np.concatenate),
     )
+
+
+def _stacked(
+    parts: Sequence[ByteArray | None],
+    shapes: Iterable[tuple[int, ...]],
+    stack: Callable[[list[ByteArray]], ByteArray],
+) -> ByteArray | None:
+    """Give qualities of these shapes as one; None where all are good."""
+    if all(part is None for part in parts):
+        return None
+    good = (np.full(shape, Quality.GOOD, dtype=np.uint8) for shape in shapes)
+    return stack([usual if part is None else part for part, usual in zip(parts, good, strict=True)])

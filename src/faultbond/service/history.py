@@ -27,7 +27,7 @@ from faultbond.io.files import replaced, replaced_text
 from faultbond.io.grid import Grid
 from faultbond.io.out import Out
 from faultbond.io.recording import write_recording
-from faultbond.io.row_block import RowBlock
+from faultbond.io.row_block import RowBlock, joined_rows
 from faultbond.model.document import ModelDocument
 from faultbond.model.graph import BondGraph, Unit
 from faultbond.model.text import parse_model
@@ -35,13 +35,13 @@ from faultbond.report.numbers import clock_text, probability_text
 from faultbond.runtime.trace import Trace
 from faultbond.service.contract.messages import DECISIONS, Action, AuditEntry, Deed, NamedRecord
 from faultbond.service.contract.store import Enrolment, LogStore
-from faultbond.service.store.chunks import joined_rows
 from faultbond.types import Method
 
 SHORT = (15, 12)  # digits, of which the fewest that do are written, as somebody wrote them
 PARQUET, PAGE = (".parquet", ".pq"), (".html", ".htm")
 _TURNS = ("detection", "accepted")  # kinds of records with which an alarm is raised, and ends
 LEAD = 3600  # samples before an alarm from which on it is watched again, for a filter that has settled
+QUALITY = ".quality"  # behind the header of a column: that of its qualities
 _NOBODY = Out(text=None, json=None)
 KINDS_OF_FILES = "FILE.csv, FILE.parquet or FILE.html"
 
@@ -157,14 +157,19 @@ def record_of(item: NamedRecord | Deed) -> Record:
 
 
 def columns_in_units(graph: BondGraph, log: Iterable[RowBlock | Deed]) -> dict[str, FloatArray]:
-    """Give the rows of a log as columns of a recording by header, (n_rows,) each, in the units of the model file."""
+    """Give the rows of a log as columns of a recording by header, (n_rows,) each, in the units of the model file.
+
+    A column of which the source called a value uncertain or bad has one more beside it, of its `Quality` as a number.
+    """
     blocks = [item for item in log if isinstance(item, RowBlock)]
     rows = joined_rows(blocks)
     columns = {}
     if graph.time.column is not None:
         columns[graph.time.column] = _in_unit(rows.time, graph.time.unit)
-    for item, values in zip(graph.instruments, np.hstack([rows.u, rows.y]).T, strict=True):
+    for k, (item, values) in enumerate(zip(graph.instruments, np.hstack([rows.u, rows.y]).T, strict=True)):
         columns[item.column] = _in_unit(values, item.unit)
+        if rows.quality is not None and rows.quality[:, k].any():
+            columns[f"{item.column}{QUALITY}"] = rows.quality[:, k].astype(np.float64)
     return columns
 
 

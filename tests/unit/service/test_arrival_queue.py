@@ -6,8 +6,8 @@ import math
 import numpy as np
 
 from arriving import subscriber
-from faultbond.io.row_block import Row
-from faultbond.service.sources.intake import Intake, Quality, Reading
+from faultbond.io.row_block import Quality, Row
+from faultbond.service.sources.intake import Intake, Reading
 from faultbond.service.sources.options import SourceOptions
 from faultbond.service.sources.queue import AT_ONCE, ArrivalQueue
 
@@ -77,3 +77,6 @@ def test_values_that_nobody_takes_are_bounded_and_counted() -> None:
     assert dict(found.counts) == {"dropped": 17, "bad": 1, "unreadable": 1}
     assert math.isnan(found.rows.y[-2, 0])
     assert found.rows.u[-1, 0] == 24.0
+    assert found.rows.quality is not None
+    good, bad = [Quality.GOOD] * 3, [Quality.GOOD, Quality.BAD, Quality.GOOD]
+    assert found.rows.quality.tolist() == [*[good] * 8, bad, good]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from benchmarks.shared.broker import Mosquitto
 
+from faultbond.io.row_block import Quality
 from faultbond.service.contract.face import Shown
 from faultbond.service.sources.opening import open_source
 from loop_asset import plant, rows
@@ -118,7 +119,11 @@ def test_values_that_all_turn_bad_are_no_data(broker: Mosquitto) -> None:
         await played.until(lambda: played.passed(N))
         assert played.summary["monitoring"] == "running"
 
-    followed(f"mqtt://127.0.0.1:{broker.port}/plant/loop", course)
+    played = followed(f"mqtt://127.0.0.1:{broker.port}/plant/loop", course)
+    (log,) = played.store.logs.values()
+    kept = [item[1].quality for item in log.rows if item is not None]
+    bad = [row is not None and bool((row == Quality.BAD).all()) for row in kept]
+    assert bad == [N // 3 <= k < 2 * N // 3 for k in range(N)]
 
 
 class Wire:

@@ -16,14 +16,13 @@ from faultbond.contract.json_records import diagnosis_record
 from faultbond.errors import FaultbondError
 from faultbond.io.out import Out, finite
 from faultbond.io.recording import columns_of, read_blocks
-from faultbond.io.row_block import RowBlock
+from faultbond.io.row_block import Quality, RowBlock, joined_rows
 from faultbond.model.graph import Unit
 from faultbond.service import history
 from faultbond.service.asset import Asset
 from faultbond.service.contract.messages import Action, AuditEntry, Deed, NamedRecord
 from faultbond.service.contract.store import Commit, Enrolment
 from faultbond.service.history import Excerpt, columns_in_units, line_of, tell_history
-from faultbond.service.store.chunks import joined_rows
 from faultbond.service.store.opening import open_store
 from faultbond.service.store.relational import RelationalStore
 from made import EXAMPLES
@@ -256,6 +255,18 @@ def test_columns_of_a_log() -> None:
     columns = columns_in_units(graph, blocks)
     assert list(columns) == ["time", "u_in", "u_out", "flow", "pressure"]
     assert columns["time"].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+def test_the_qualities_of_a_log_are_columns_too() -> None:
+    """Of what was not good throughout, beside it; rows of before, and of blocks that are good, count as good."""
+    graph = find_plant(TANK, Wanted()).graph
+    quality = np.zeros((2, 4), dtype=np.uint8)
+    quality[1, 2], quality[0, 0] = Quality.BAD, Quality.UNCERTAIN
+    doubted = replace(some_rows(3, 2, n_inputs=2), quality=quality)
+    columns = columns_in_units(graph, [some_rows(0, 3, n_inputs=2), doubted])
+    assert list(columns) == ["time", "u_in", "u_in.quality", "u_out", "flow", "flow.quality", "pressure"]
+    assert columns["u_in.quality"].tolist() == [0.0, 0.0, 0.0, 1.0, 0.0]
+    assert columns["flow.quality"].tolist() == [0.0, 0.0, 0.0, 0.0, 2.0]
 
 
 @pytest.mark.parametrize(

@@ -10,21 +10,39 @@ a row of its own: the grid, which takes the rows, judges and counts them.
 import math
 from bisect import bisect_left, bisect_right, insort
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from faultbond.io.row_block import Quality
 
 MOST_ROWS = 10_000  # that wait; where there are more, the oldest go out as they are
 MOST_HELD = 1_000  # values of a signal that holds, of which the older half is forgotten where there are more
-RawRow = tuple[float, tuple[float, ...]]  # source time, s, and the values of the signals, nan where there is none
+_Held = tuple[float, int, float, Quality]  # time, number of arrival, value
+
+
+class RawRow(NamedTuple):
+    """Source time, s, the values of the signals, nan where there is none, and their qualities."""
+
+    time: float
+    values: tuple[float, ...]
+    qualities: tuple[Quality, ...]
 
 
 class _Begun:
     """A row that waits. first: when its first value came. number: of its begin."""
 
-    __slots__ = ("first", "has", "number", "time", "values")
+    __slots__ = ("first", "has", "number", "qualities", "time", "values")
 
     def __init__(self, time: float, first: float, number: int, n_signals: int) -> None:
         self.time, self.first, self.number = time, first, number
-        self.values = [math.nan] * n_signals
+        self.values, self.qualities = [math.nan] * n_signals, [Quality.GOOD] * n_signals
         self.has: set[int] = set()
+
+    def take(self, signal: int, value: float, quality: Quality) -> None:
+        self.values[signal], self.qualities[signal] = value, quality
+        self.has.add(signal)
+
+    def raw(self) -> RawRow:
+        return RawRow(self.time, tuple(self.values), tuple(self.qualities))
 
 
 class Assembly:
@@ -40,31 +58,30 @@ class Assembly:
 
     def __init__(self, n_signals: int, *, hold: Sequence[int] = (), patience: float, together: float = 0.0) -> None:
         self._n, self._patience, self._together = n_signals, patience, together
-        self._held: dict[int, list[tuple[float, int, float]]] = {k: [] for k in hold}  # time, number of arrival, value
+        self._held: dict[int, list[_Held]] = {k: [] for k in hold}
         self._awaited = frozenset(range(n_signals)) - frozenset(hold)
         self._rows: list[_Begun] = []  # by time, then by number
         self._newest = -math.inf  # time of the newest row that has gone out
         self._untimed: list[RawRow] = []
         self._number = 0
 
-    def add(self, signal: int, value: float, time: float, now: float) -> None:
+    def add(self, signal: int, value: float, time: float, now: float, quality: Quality = Quality.GOOD) -> None:
         """Take a value of a signal, nan where it is bad, with its source time in s, at a moment in s."""
         self._number += 1
         if not math.isfinite(time):
-            values = [math.nan] * self._n
-            values[signal] = value
-            self._untimed.append((math.nan, tuple(values)))
+            alone = _Begun(math.nan, now, self._number, self._n)
+            alone.take(signal, value, quality)
+            self._untimed.append(alone.raw())
             return
         held = self._held.get(signal)
         if held is not None:
-            insort(held, (time, self._number, value))
+            insort(held, (time, self._number, value, quality))
             if len(held) > MOST_HELD:
                 del held[: MOST_HELD // 2]
             if self._awaited:
                 return
         row = self._open(signal, time) or self._begin(time, now)
-        row.values[signal] = value
-        row.has.add(signal)
+        row.take(signal, value, quality)
 
     def forget(self, signals: Iterable[int]) -> None:
         """Forget the last values of signals that hold; those of others are in their rows."""
@@ -115,7 +132,8 @@ class Assembly:
             self._newest = max(self._newest, row.time)
             for signal, held in self._held.items():
                 if signal not in row.has:
-                    place = bisect_right(held, (row.time + self._together, math.inf, math.inf))
-                    row.values[signal] = held[place - 1][2] if place else math.nan
-            rows.append((row.time, tuple(row.values)))
+                    place = bisect_right(held, row.time + self._together, key=lambda item: item[0])
+                    if place:
+                        row.take(signal, *held[place - 1][2:])
+            rows.append(row.raw())
         return untimed + rows

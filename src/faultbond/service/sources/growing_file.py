@@ -22,7 +22,7 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.errors import RecordingError, SourceError
 from faultbond.io.recording import RowFeed, read_blocks
-from faultbond.io.row_block import RowBlock, joined
+from faultbond.io.row_block import RowBlock, joined_rows
 from faultbond.service.contract.messages import Arrivals
 from faultbond.service.contract.source import Subscriber
 from faultbond.service.sources.queue import connected, no_rows
@@ -206,7 +206,7 @@ def all_rows(blocks: Sequence[RowBlock], subscriber: Subscriber) -> RowBlock:
     """Give the rows of blocks, also of none, as one block."""
     found = no_rows(subscriber)
     for block in blocks:
-        found = joined(found, block)
+        found = joined_rows((found, block))
     return found
 
 

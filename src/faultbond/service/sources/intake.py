@@ -5,10 +5,12 @@ import math
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
+
+import numpy as np
 
 from faultbond.errors import FaultbondError, RecordingError
 from faultbond.io.recording import row_reader
+from faultbond.io.row_block import Quality
 from faultbond.io.times import finite_number
 from faultbond.model.graph import TimeColumn
 from faultbond.service.contract.source import Subscriber
@@ -22,14 +24,6 @@ TOGETHER = 0.5  # of a sample: the grid takes the row that is no farther off
 TIME = "\0time"  # the name of no column
 UNREADABLE, UNKNOWN = "unreadable", "unknown"  # what is no number, or no message; what no column is named after
 RETAINED = "retained"  # an old value without a time: it says nothing of now
-
-
-class Quality(Enum):
-    """How good a value is; the value is the name under which it is counted."""
-
-    GOOD = "good"
-    UNCERTAIN = "uncertain"
-    BAD = "bad"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +50,7 @@ class Intake:
         columns, graph = subscriber.columns, subscriber.graph
         names = dict.fromkeys(item.header for item in (*columns.inputs, *columns.outputs))
         self.columns = {name: k for k, name in enumerate(names)}
+        self._signals = [self.columns[item.header] for item in (*columns.inputs, *columns.outputs)]
         self.asset, self._queue, self.time_unit = subscriber.asset, queue, columns.time.unit
         self.held = frozenset(held_columns(subscriber, options))
         step = graph.row_time or graph.sample_time
@@ -77,12 +72,12 @@ class Intake:
         for item in readings:
             number = finite_number(item.value)
             if item.quality is not Quality.GOOD:
-                self.count(item.quality.value)
+                self.count(item.quality.name.lower())
             elif isinstance(item.value, str) and math.isnan(number):
                 self.count(UNREADABLE)
             value = math.nan if item.quality is Quality.BAD else number
             moment = time.time() if item.time is None else item.time
-            self._assembly.add(self.columns[item.column], value, moment, now)
+            self._assembly.add(self.columns[item.column], value, moment, now, item.quality)
         if readings:
             self._wake(now + SETTLE)
 
@@ -123,11 +118,15 @@ class Intake:
             self._wake(max(due, now + SETTLE))
 
     def _pass_on(self, rows: Sequence[RawRow]) -> None:
-        for moment, values in rows:
+        for item in rows:
             try:
-                self._queue.put(self.asset, self._row(1, (moment, *values)))
+                row = self._row(1, (item.time, *item.values))
             except RecordingError:  # no number makes it
                 self.count(UNREADABLE)
+                continue
+            if any(item.qualities):
+                row = replace(row, quality=np.array([item.qualities[k] for k in self._signals], dtype=np.uint8))
+            self._queue.put(self.asset, row)
 
 
 def held_columns(subscriber: Subscriber, options: SourceOptions) -> tuple[str, ...]:

@@ -8,9 +8,10 @@ import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from faultbond.io.row_block import Quality
 from faultbond.io.times import moment_of
 from faultbond.model.graph import Unit
-from faultbond.service.sources.intake import UNKNOWN, UNREADABLE, Quality, Reading
+from faultbond.service.sources.intake import UNKNOWN, UNREADABLE, Reading
 
 MOST_BYTES = 2**20  # of a message
 MOST_OBJECTS = 10_000  # of a list
@@ -97,4 +98,4 @@ def _quality(told: object) -> Quality:
     if isinstance(told, int | float):
         return Quality.GOOD if told >= OPC_GOOD else Quality.UNCERTAIN if told >= OPC_UNCERTAIN else Quality.BAD
     word = str(told).strip().lower()
-    return next((item for item in Quality if word.startswith(item.value)), Quality.UNCERTAIN)
+    return next((item for item in Quality if word.startswith(item.name.lower())), Quality.UNCERTAIN)

@@ -16,10 +16,11 @@ from asyncua.ua.object_ids import ObjectIds
 from asyncua.ua.uaerrors import UaError
 
 from faultbond.errors import FaultbondError, SourceError
+from faultbond.io.row_block import Quality
 from faultbond.io.times import unix_seconds
 from faultbond.service.contract.messages import Arrivals
 from faultbond.service.contract.source import Subscriber
-from faultbond.service.sources.intake import Intake, Quality, Reading
+from faultbond.service.sources.intake import Intake, Reading
 from faultbond.service.sources.opcua_identity import certificate_of, read_identity
 from faultbond.service.sources.options import SourceOptions
 from faultbond.service.sources.queue import ArrivalQueue, connected

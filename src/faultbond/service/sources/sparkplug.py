@@ -10,7 +10,8 @@ from types import MappingProxyType
 
 from paho.mqtt.client import topic_matches_sub
 
-from faultbond.service.sources.intake import RETAINED, UNKNOWN, UNREADABLE, Intake, Quality, Reading
+from faultbond.io.row_block import Quality
+from faultbond.service.sources.intake import RETAINED, UNKNOWN, UNREADABLE, Intake, Reading
 from faultbond.service.sources.json_payload import MOST_BYTES, MOST_OBJECTS, OVERSIZED
 from faultbond.service.sources.sparkplug_payload import Metric, SparkplugPayload, typed_value
 from faultbond.service.sources.sparkplug_topic import NAMESPACE, Sender, node_of, topic_of

@@ -11,7 +11,7 @@ from typing import Any
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.message import DecodeError, Message
 
-from faultbond.service.sources.intake import Quality
+from faultbond.io.row_block import Quality
 from faultbond.service.sources.json_payload import MOST_OBJECTS, OPC_GOOD, OPC_UNCERTAIN
 
 PACKAGE = "faultbond.sparkplug"

@@ -21,9 +21,9 @@ from faultbond.service.contract.messages import Curves
 VERSION = 1
 _MAGIC = b"fb"
 _HEAD = Struct("<2sBBIIII")  # magic, version, what is in it, rows, inputs, outputs, checksum of all but itself
-_ROWS, _CURVES, _DENSE = 0, 1, 2
+_ROWS, _CURVES, _DENSE, _QUALITY = 0, 1, 2, 4  # the last: rows of which not all values are good
 _LEVEL = 1  # of deflating: more takes three times as long for a twentieth of the bytes
-_DOUBLE, _SINGLE, _COUNT, _LINE = (np.dtype(code) for code in ("<f8", "<f4", "<i4", "<i8"))
+_DOUBLE, _SINGLE, _COUNT, _LINE, _BYTE = (np.dtype(code) for code in ("<f8", "<f4", "<i4", "<i8", "u1"))
 
 Array = NDArray[Any]
 
@@ -32,7 +32,10 @@ def pack_rows(rows: RowBlock, *, dense: bool) -> bytes:
     """Give rows as bytes."""
     kinds = (_DOUBLE, _DOUBLE, _DOUBLE, _COUNT, _LINE)
     parts = (rows.time, rows.u, rows.y, rows.saturated, rows.line)
-    return _pack(_ROWS, (len(rows), rows.u.shape[1], rows.y.shape[1]), parts, kinds, dense=dense)
+    sizes = (len(rows), rows.u.shape[1], rows.y.shape[1])
+    if rows.quality is None:
+        return _pack(_ROWS, sizes, parts, kinds, dense=dense)
+    return _pack(_ROWS | _QUALITY, sizes, (*parts, rows.quality), (*kinds, _BYTE), dense=dense)
 
 
 def unpack_rows(data: bytes, title: str) -> RowBlock:
@@ -44,10 +47,17 @@ def unpack_rows(data: bytes, title: str) -> RowBlock:
         Where they are damaged.
     """
     (n, n_u, n_y), payload = _payload(data, _ROWS, title)
-    shapes = ((1, _DOUBLE), (n_u, _DOUBLE), (n_y, _DOUBLE), (1, _COUNT), (1, _LINE))
-    time, u, y, saturated, line = _arrays(payload, n, shapes, dense=_is_dense(data))
+    shapes = [(1, _DOUBLE), (n_u, _DOUBLE), (n_y, _DOUBLE), (1, _COUNT), (1, _LINE)]
+    if data[3] & _QUALITY:
+        shapes.append((n_u + n_y, _BYTE))
+    time, u, y, saturated, line, *quality = _arrays(payload, n, shapes, dense=_is_dense(data))
     return RowBlock(
-        time=time[:, 0], u=u, y=y, saturated=saturated[:, 0].astype(np.intp), line=line[:, 0].astype(np.intp)
+        time=time[:, 0],
+        u=u,
+        y=y,
+        saturated=saturated[:, 0].astype(np.intp),
+        line=line[:, 0].astype(np.intp),
+        quality=quality[0] if quality else None,
     )
 
 
@@ -74,26 +84,18 @@ def unpack_curves(data: bytes, title: str) -> Curves:
     return Curves(time=time[:, 0], inputs=inputs, measured=measured, expected=expected, sd=sd, cusum=cusum)
 
 
-def joined_rows(blocks: Sequence[RowBlock]) -> RowBlock:
-    """Give the rows of blocks, one at least, as one."""
-    return RowBlock(**_joined(blocks))
-
-
 def joined_curves(parts: Sequence[Curves]) -> Curves:
     """Give curves, one at least, as one."""
-    return Curves(**_joined(parts))
+    if len(parts) == 1:
+        return parts[0]
+    return Curves(
+        **{item.name: np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(Curves)}
+    )
 
 
 def curves_at(curves: Curves, chosen: slice | NDArray[Any]) -> Curves:
     """Give some points of curves: those of a slice, or at some places (n_chosen,)."""
     return Curves(**{item.name: getattr(curves, item.name)[chosen] for item in fields(Curves)})
-
-
-def _joined(parts: Sequence[RowBlock] | Sequence[Curves]) -> dict[str, Any]:
-    names = [item.name for item in fields(parts[0])]
-    if len(parts) == 1:
-        return {name: getattr(parts[0], name) for name in names}
-    return {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
 
 
 def _pack(
@@ -131,7 +133,7 @@ def _payload(data: bytes, what: int, title: str) -> tuple[tuple[int, int, int], 
         raise StoreError(f"{title}: of format {version}, and this faultbond reads {VERSION}. Take a newer faultbond.")
     if zlib.crc32(payload, zlib.crc32(_HEAD.pack(magic, version, code, n, n_u, n_y, 0))) != checksum:
         raise StoreError(_damaged(title, "the checksum differs"))
-    if code & ~_DENSE != what:
+    if code & ~(_DENSE | _QUALITY) != what:
         raise StoreError(_damaged(title, "they are of another kind"))
     return (n, n_u, n_y), payload
 

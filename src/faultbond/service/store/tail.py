@@ -13,11 +13,10 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.io.row_block import RowBlock
+from faultbond.io.row_block import RowBlock, joined_rows
 from faultbond.service.store.chunks import (
     curves_at,
     joined_curves,
-    joined_rows,
     pack_curves,
     pack_rows,
     unpack_curves,
