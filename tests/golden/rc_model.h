@@ -80,7 +80,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0x30b71096edca0e73ULL, 0xb879d7fc8f04f2b3ULL, 0x90233b14799263bfULL, 0xaf5dcd0b3d0d5b8cULL};
+static const uint64_t MODEL_HASH[] = {0xb1a1d31a6bb6109aULL, 0x01e303ff2dc5239cULL, 0xa0662eb1c07ccbdfULL, 0xaa2952ea71fd0719ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -162,6 +162,8 @@ static const double INPUT_STEP_PART[] = {0.01};
 static const double INPUT_HEALTHY_BIAS[] = {0.0};
 static const double INPUT_ZERO[] = {0.0};
 static const int INPUT_FACTOR[] = {-1};
+static const double INPUT_FAMILIAR_LOW[] = {(-INFINITY)};
+static const double INPUT_FAMILIAR_HIGH[] = {INFINITY};
 static const int INPUT_RANGED[] = {0};
 static const double OUTPUT_NOISE[] = {0.1};
 static const double OUTPUT_HEALTHY_BIAS[] = {0.0};

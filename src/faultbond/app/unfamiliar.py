@@ -6,13 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultbond.arrays import FloatArray
+from faultbond.contract.familiar import familiar_range
 from faultbond.contract.findings import Detection
 from faultbond.io.grid import PointBlock
 from faultbond.model.graph import BondGraph, Input, Sensor
 from faultbond.report.numbers import figure, join, unit_text
 
-BEYOND = 0.05  # of its range in these recordings by which an input or sensor must lie beyond it
-LEAST = 0.02  # of its largest value there in its own unit, at least
 BEFORE = 100  # samples before the alarm in which that counts of an input, and all from the onset on
 READ = 10  # of as many before the onset that a sensor must have read
 
@@ -50,11 +49,9 @@ def _farthest(item: Input | Sensor, seen: FloatArray) -> Unfamiliar | None:
     """Give what of some values (n,), SI, is clearly beyond where it was, and farthest; None: none is."""
     if item.fitted_range is None or not len(seen):
         return None
-    lower, upper = item.fitted_range
-    zero = item.unit.offset  # 20 degC are 20, not 293
-    room = max(BEYOND * (upper - lower), LEAST * max(abs(lower - zero), abs(upper - zero)))
+    lower, upper = familiar_range(item.fitted_range, item.unit.offset)
     off = np.maximum(lower - seen, seen - upper)
-    return Unfamiliar(signal=item, value=float(seen[np.argmax(off)])) if off.max() > room else None
+    return Unfamiliar(signal=item, value=float(seen[np.argmax(off)])) if off.max() > 0.0 else None
 
 
 def unfamiliar_sentence(found: Sequence[Unfamiliar]) -> str:

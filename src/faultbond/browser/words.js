@@ -160,6 +160,10 @@ function noClaim(diagnosis, detection) {
     return `${most}: ${knownAlarms()}. \`faultbond fit\` with \`--until-quiet\` and healthy recordings finds what it leaves out.`;
   if (diagnosis.mismatch) {
     const name = detection.walk.parameter;
+    if (MODEL.suspects[name]?.mayFail) {
+      return `${name} had to move too far while an input was where no recording of the fit had it. A law that is off there does that ` +
+        `as well as a fault (${probabilityText(diagnosis.mismatch)}${NO_BREAK}%): no fault is claimed.`;
+    }
     return `${most}: ${name}, which counts as healthy, had to move too far. ` +
       `Declare the accuracy of ${name} larger${wanderText(name)}, or mend what moves it.`;
   }

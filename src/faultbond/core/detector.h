@@ -62,6 +62,15 @@ static int64_t note_walk(const State *state, Alarm *found)
     return began;
 }
 
+/* Whether an input has been where no recording of the fit had it, and so the model was never compared with the plant. */
+static int is_unfamiliar(const Inputs *inputs)
+{
+    int found = 0;
+    for (int k = 0; k < N_INPUTS; k++)
+        found |= inputs->lowest[k] < INPUT_FAMILIAR_LOW[k] || inputs->highest[k] > INPUT_FAMILIAR_HIGH[k];
+    return found;
+}
+
 /* Raise the alarm if a sum crossed its limit, a slow error left its size, or a parameter walked too far: gives the number of the
    sample of the estimated onset, at the earliest that of the oldest sample kept, and -1 where there is no alarm. */
 static int64_t detect(State *state)
@@ -88,6 +97,7 @@ static int64_t detect(State *state)
     found.walker = found.window = found.old = -1;
     found.walk = 0.0;
     found.outside = 0;
+    found.unfamiliar = is_unfamiliar(&state->inputs);
     found.slow = !crossed;
     const double began = walks ? (double)note_walk(state, &found) : beginning(&state->sensors, leading);
     const int64_t change = began >= (double)clock->index ? clock->index : began > (double)oldest ? (int64_t)began : oldest;

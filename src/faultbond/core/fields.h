@@ -75,7 +75,7 @@ static const Field FIELDS[] = {
     FINITE(normal.rates), ENDLESS(normal.wander),
     FINITE(alarm.time), FINITE(alarm.change_time), FLAG(alarm.crossed),
     WHOLE(alarm.walker, -1.0, N_PARAMETERS > 0 ? N_PARAMETERS - 1.0 : 0.0), WHOLE(alarm.window, -1.0, 2.0 * WALKS), POSITIVE(alarm.walk),
-    WHOLE(alarm.old, -1.0, SNAPSHOTS - 1.0), FLAG(alarm.slow), COUNT(alarm.outside),
+    WHOLE(alarm.old, -1.0, SNAPSHOTS - 1.0), FLAG(alarm.slow), COUNT(alarm.outside), FLAG(alarm.unfamiliar),
     WHOLE(sure.hypothesis, -1.0, N_HYPOTHESES - 1.0), NUMBER(sure.since), NUMBER(sure.clear_since),
     WHOLE(settled.now.hypothesis, -1.0, N_HYPOTHESES - 1.0), NUMBER(settled.now.since), NUMBER(settled.now.clear_since),
     WHOLE(settled.hypothesis, -1.0, N_HYPOTHESES - 1.0), WHOLE(settled.n_parts, 0.0, LARGEST_SET),

@@ -4,6 +4,10 @@
    is a hypothesis of its own. As it may bring about whatever the data are, no likelihood tells it from the others, and its
    probability is that of before. Reasons and figures: docs/decisions/020-walks.md.
 
+   So it is where such a parameter is a suspect, but an input has been where no recording of the fit had it: how far a parameter may
+   be off is what a fit has learned where it was, and of a law that is a little off elsewhere the healthy filter makes a parameter
+   that walks. Nothing tells that from a fault. One that comes at once is none of it.
+
    So is a model that is known to alarm on healthy data. Of n + 1 alarms, n of them false, this one is taken to be the one that is
    none; which of them it is nobody knows, and so it is one more false one with n / (n + 1). Figures: docs/decisions/034-false-alarms.md.
 
@@ -24,6 +28,7 @@ FB_SELDOM
 
 #define OFF_FROM_START 0.9 /* probability that the model is off where what counts as healthy is not as declared, */
 #define OFF_SINCE 0.5      /* and where it was for a while, and then moved: a fault may move what it is not */
+#define OFF_UNFAMILIAR 0.5 /* and where a suspect had to move too far, of a plant that was where the model was never fitted, */
 #define OFF_SUPERSEDED 0.5 /* and where another one was sure before */
 #define FAR_OFF 8.0        /* accuracies from where it is declared, of what counts as healthy */
 #define MORE_THAN_HALF 0.5
@@ -41,7 +46,8 @@ static double probability_off(const State *state, const Diagnosis *found)
 {
     const double alarms = (double)FALSE_ALARMS / (FALSE_ALARMS + 1.0);
     const double known = found->n_superseded > 0 ? fmax(alarms, OFF_SUPERSEDED) : alarms;
-    if (state->alarm.walker < 0 || is_in_a_set(state->alarm.walker)) return known;
+    if (state->alarm.walker < 0) return known;
+    if (is_in_a_set(state->alarm.walker)) return state->alarm.unfamiliar ? fmax(known, OFF_UNFAMILIAR) : known;
     return fmax(known, state->alarm.window == WALKS ? OFF_FROM_START : OFF_SINCE);
 }
 

@@ -48,6 +48,12 @@ def _off_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) -> s
     if walk is not None and walk.parameter not in tested and has_walked(graph, diagnosis):
         told = f"{most}: {walk.parameter}, which counts as healthy, had to move too far."
         return f"{told} {cure_of_walk(graph, walk.parameter)}"
+    if walk is not None and has_walked(graph, diagnosis):
+        return (
+            f"{walk.parameter} had to move too far while an input was where no recording of the fit had it. A law "
+            f"that is off there does that as well as a fault ({probability_text(diagnosis.mismatch)} %): no fault is "
+            "claimed."
+        )
     return (
         f"{most}: {known_alarms(graph)}. `faultbond fit` with `--until-quiet` and healthy recordings finds what it "
         "leaves out."

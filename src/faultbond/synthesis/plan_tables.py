@@ -9,6 +9,7 @@ from textwrap import fill
 import numpy as np
 
 from faultbond.contract.couples import PER_COUPLE, n_coupled, plan_couples
+from faultbond.contract.familiar import familiar_range
 from faultbond.contract.findings import MAX_CANDIDATES, MOST_RIVALS
 from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.reserve import PER_SET, extensions, n_grown
@@ -126,6 +127,9 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
     yield numbers("INPUT_HEALTHY_BIAS", (item.healthy_bias for item in spec.inputs))
     yield numbers("INPUT_ZERO", (item.unit_offset for item in spec.inputs))
     yield integers("INPUT_FACTOR", (item.factor for item in spec.inputs))
+    familiar = [familiar_range(item.fitted_range, item.unit_offset) for item in spec.inputs]
+    for end, name in enumerate(("LOW", "HIGH")):
+        yield numbers(f"INPUT_FAMILIAR_{name}", (item[end] for item in familiar))
     yield integers("INPUT_RANGED", (item.ranged for item in spec.inputs))
     yield numbers("OUTPUT_NOISE", (item.noise for item in spec.outputs))
     yield numbers("OUTPUT_HEALTHY_BIAS", (item.healthy_bias for item in spec.outputs))

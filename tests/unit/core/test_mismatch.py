@@ -22,12 +22,14 @@ OTHERS = replace(
 
 
 @cache
-def diagnosed(walker: int, window: int = WALKS, false_alarms: int = 0) -> tuple[float, tuple[float, ...], float]:
+def diagnosed(
+    walker: int, window: int = WALKS, false_alarms: int = 0, *, unfamiliar: bool = False
+) -> tuple[float, tuple[float, ...], float]:
     """The probabilities that the model is off, of all sets, and of nothing at fault; one lane explains the data."""
     state = Diagnosed(replace(OTHERS, false_alarms=false_alarms))
     state.far_off()
     state.only(0)
-    state["alarm.walker"], state["alarm.window"] = walker, window
+    state["alarm.walker"], state["alarm.window"], state["alarm.unfamiliar"] = walker, window, unfamiliar
     found = state.diagnose()
     rows = found["candidates"][: found["n_candidates"]]
     return float(found["mismatch"]), tuple(map(float, rows["probability"])), float(found["within_accuracy"])
@@ -85,6 +87,16 @@ def test_what_counts_as_healthy_and_is_elsewhere_is_no_healthy_plant(
 def test_what_may_be_at_fault_and_walks_is_asked_as_before() -> None:
     """A walk of what some tested set has is no mismatch of the model."""
     assert diagnosed(SUSPECT) == diagnosed(-1)
+
+
+def test_a_walk_where_the_model_was_never_fitted_is_as_likely_a_law_that_is_off() -> None:
+    """An alarm by what sensors read at once is none of it, nor does it make a trusted parameter any likelier."""
+    off, sets, _ = diagnosed(SUSPECT, unfamiliar=True)
+    _, surely, _ = diagnosed(-1)
+    assert off == SETTINGS["OFF_UNFAMILIAR"] == 0.5
+    assert sets == pytest.approx([(1.0 - off) * probability + off / len(surely) for probability in surely])
+    assert diagnosed(-1, unfamiliar=True) == diagnosed(-1)
+    assert diagnosed(TRUSTED, unfamiliar=True) == diagnosed(TRUSTED)
 
 
 @pytest.mark.parametrize("known", [1, 3, 40])

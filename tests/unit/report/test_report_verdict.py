@@ -307,6 +307,19 @@ def test_a_model_that_is_off_is_told_with_its_cure(history: History) -> None:
     assert mismatch_sentence(replace(diagnosis, mismatch=0.9, candidates=both, unexplained=nowhere)) == ""
 
 
+def test_a_suspect_that_walks_where_no_fit_was_is_not_claimed(history: History) -> None:
+    """What it had to move for may be the law."""
+    shown = with_last(history, (kind_of(suspect(GRAPH, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.5),))
+    alarm = replace(shown.detections[-1], walk=Walk(parameter="K1", sd=4.7, from_start=True))
+    diagnosis = replace(shown.diagnoses[-1], mismatch=0.5)
+    shown = replace(shown, detections=(alarm,), open=alarm, diagnoses=(diagnosis,))
+    told = verdict_sentence(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
+    assert told.startswith(
+        "K1 had to move too far while an input was where no recording of the fit had it. A law that is off there does "
+        "that as well as a fault (50.0 %): no fault is claimed. Nearest comes a change of the pipe"
+    )
+
+
 @pytest.mark.parametrize(("names", "said"), [(("pipe",), "pipe was"), (("pump", "leak"), "pump and leak were")])
 def test_what_is_superseded_is_told_in_the_right_number(names: tuple[str, ...], said: str) -> None:
     """Of one part, and of two."""

@@ -10,6 +10,7 @@ import pytest
 from faultbond.contract.findings import Detection, Diagnosis
 from faultbond.contract.samples import Sample
 from faultbond.contract.spec import covariance_place
+from faultbond.model.amend import amended
 from faultbond.model.text import parse_model
 from faultbond.runtime.core import Core
 from faultbond.runtime.fleet import Fleet
@@ -56,6 +57,19 @@ def test_a_fault_from_the_first_sample_is_found_and_named(seed: int) -> None:
     suspect = best.suspects[0]
     assert suspect.nominal is not None
     assert suspect.estimate / suspect.nominal == pytest.approx(1.3, abs=0.1)
+
+
+@pytest.mark.parametrize(("ends", "is_known"), [("[2 V, 12 V]", True), ("[2 V, 11 V]", False)])
+def test_where_no_fit_has_been_a_walk_may_be_a_law_that_is_off(ends: str, *, is_known: bool) -> None:
+    """An inertia that walks is as likely that as a fault where the supply was where no recording of the fit had it."""
+    text = (EXAMPLES / "dc_motor" / "model.yaml").read_text(encoding="utf-8")
+    monitor = Monitor(build_engine(parse_model(amended(text, [(("inputs", "V", "fitted_range"), ends)])))[1])
+    alarms = [found for item in motor(1.3, 11) if (found := monitor.step(item).detection) is not None]
+    assert [alarm.walk is not None for alarm in alarms] == [True]
+    last = monitor.conclude()
+    assert last.candidates[0].parameters == ("J",)
+    assert last.mismatch == (0.0 if is_known else 0.5)
+    assert (last.candidates[0].probability > 0.9) == is_known
 
 
 @pytest.mark.parametrize("tied", ["", "correlations: {J: {K: 0.5}}"], ids=["", "tied"])
