@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.fit.objective import (
@@ -30,6 +31,7 @@ IDLE = 2  # steps in a row that bring less than what settles: a fold
 BENT = 0.1  # of its gain, by which a step may differ from one along a parabola
 STEPS_SEEN, LEAST_BENT = 6, 0.05  # steps whose curvature counts; the least of it, beside what was expected
 LONGEST = 1.5  # step of a logarithm at most
+FLAT = 1e-15  # of the largest curvature, below which there is none
 START_PRIOR = 1e3  # sd of a free start, in its unit; it only keeps what does not show where it is
 NOISE_ROUNDS = 4
 SHAKES = 4  # rounds, where a climb is stuck
@@ -145,12 +147,11 @@ def _straight(
         hill.tell(f"{turn + 1} of at most {most}{begun}, {now.posterior - hill.foot:.0f} nats gained")
         slope, damping, precision = hill.slope(now), min(damping, STIFF), as_bent(now.precision, seen)
         settled = max(settled, finish.least(now.posterior - hill.foot))
-        free = ~hill.held(now, slope)
         for attempt in range(PATIENCE):
-            move, promise = hill.move(precision, slope, free, damping)
+            move, promise = hill.move(now, precision, slope, damping)
             if promise <= settled and damping <= SOFT and not attempt:  # damping also holds what the data hardly fix
                 damping = LEAST_DAMPING
-                move, promise = hill.move(precision, slope, free, damping)
+                move, promise = hill.move(now, precision, slope, damping)
             if promise <= settled and damping <= SOFT:
                 return replace(now, settled=True, course=tuple(heights))
             point = hill.moved(now.point, move)
@@ -162,7 +163,7 @@ def _straight(
             damping *= 8.0
         else:
             break
-        kept = gain / max(float(move @ slope - 0.5 * move @ precision @ move), 1e-300)  # of what was foretold
+        kept = gain / max(promise, 1e-300)
         if kept < POOR:
             damping *= 4.0
         elif kept > FAIR:
@@ -244,26 +245,32 @@ class _Hill:
     def slope(self, now: Summit) -> FloatArray:
         return now.evaluation.score - self.weight * self.away(now.point)
 
-    def held(self, now: Summit, slope: FloatArray) -> BoolArray:
-        """Whether an unknown stands at the end of its range and would leave it."""
-        unknowns, values = self.plant.unknowns, now.point.values
-        stuck: BoolArray = np.zeros(len(slope), dtype=bool)
-        stuck[: self.n] = ((values >= unknowns.upper) & (slope[: self.n] > 0)) | (
-            (values <= unknowns.lower) & (slope[: self.n] < 0)
-        )
-        return stuck
+    def move(self, now: Summit, precision: FloatArray, slope: FloatArray, damping: float) -> tuple[FloatArray, float]:
+        """Give the step, and what it would bring if the hill were as it looks from here.
 
-    def move(
-        self, precision: FloatArray, slope: FloatArray, free: BoolArray, damping: float
-    ) -> tuple[FloatArray, float]:
-        """Give the step, and what it would bring if the hill were as it looks from here."""
-        step = np.zeros(len(slope))
-        scale = np.sqrt(np.maximum(np.diag(precision), 1e-300))[free]
-        matrix = precision[np.ix_(free, free)] / np.outer(scale, scale)
+        It is the highest place of that hill, made steeper by the damping, among those that it may reach: of what the
+        data hardly fix it may lie anywhere, and must not make the way of the others short.
+        """
+        if not len(slope):
+            return np.zeros(0), 0.0
+        least, most = self.ends(now.point)
+        scale = np.sqrt(np.maximum(np.diag(precision), 1e-300))
+        matrix = precision / np.outer(scale, scale)
         matrix[np.diag_indices_from(matrix)] += damping
-        step[free] = np.linalg.lstsq(matrix, slope[free] / scale, rcond=None)[0] / scale
-        longest = np.max(np.abs(step[self.logarithmic]), initial=0.0)
-        return step * min(1.0, LONGEST / max(longest, 1e-300)), 0.5 * float(step @ slope)
+        values, vectors = np.linalg.eigh(matrix)
+        root = np.sqrt(np.maximum(values, FLAT * values[-1]))
+        aim = vectors.T @ (slope / scale) / root
+        found = lsq_linear(root[:, None] * vectors.T, aim, (least * scale, most * scale), method="bvls")
+        step = np.asarray(found.x) / scale
+        return step, float(step @ slope - 0.5 * step @ precision @ step)
+
+    def ends(self, point: FitPoint) -> tuple[FloatArray, FloatArray]:
+        """Give how far each unknown may go down, and up, in one step."""
+        longest = np.where(self.logarithmic, LONGEST, np.inf)
+        least, most = -longest, longest.copy()
+        least[: self.n] = np.maximum(least[: self.n], self.plant.unknowns.lower - point.values)
+        most[: self.n] = np.minimum(most[: self.n], self.plant.unknowns.upper - point.values)
+        return least, most
 
     def random_move(self, now: Summit, rng: np.random.Generator) -> FloatArray:
         """Give a move of parameters and starts about as long as they are uncertain."""

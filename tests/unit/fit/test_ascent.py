@@ -6,9 +6,12 @@ from typing import cast
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from faultbond.arrays import FloatArray
 from faultbond.fit import ascent
-from faultbond.fit.ascent import Finish, as_bent, ascend
+from faultbond.fit.ascent import LONGEST, Finish, Summit, as_bent, ascend
 from faultbond.fit.objective import Evaluation, FitPoint, FittedPlant
 
 
@@ -35,12 +38,67 @@ def test_a_hill_that_bends_upwards_tells_nothing() -> None:
     assert np.array_equal(as_bent(precision, [(np.zeros(2), np.zeros(2))]), precision)
 
 
+def unknowns(lower: FloatArray, upper: FloatArray, *, logarithmic: bool) -> tuple[FittedPlant, FitPoint]:
+    """A plant of which numbers within these ends, (n,), are sought, and zero to begin at."""
+    n = len(lower)
+    sought = SimpleNamespace(
+        n_theta=n, logarithmic=np.full(n, logarithmic), nominal=np.zeros(n), lower=lower, upper=upper
+    )
+    none = np.zeros((1, 0))
+    return cast("FittedPlant", SimpleNamespace(unknowns=sought)), FitPoint(values=np.zeros(n), starts=none, sizes=none)
+
+
+@given(data=st.data(), logarithmic=st.booleans(), damping=st.sampled_from([1e-7, 1e-3, 10.0]))
+def test_a_step_leads_to_the_highest_place_within_reach(
+    data: st.DataObject, damping: float, *, logarithmic: bool
+) -> None:
+    """There the slope is zero, or leads out of reach. Source: Karush, Kuhn, Tucker; Nocedal and Wright 2006, 12.1."""
+    n = data.draw(st.integers(1, 5))
+    rng = np.random.default_rng(data.draw(st.integers(0, 10_000)))
+    lower, upper = -rng.exponential(1.0, n), rng.exponential(1.0, n)
+    lower[rng.random(n) < 0.3] = 0.0  # it stands at its end
+    plant, begin = unknowns(lower, upper, logarithmic=logarithmic)
+    hill = ascent._Hill(plant, (), begin.starts, np.full(n, 1e3), lambda _: None)
+    root = rng.standard_normal((n, n))
+    precision, slope = root @ root.T + 1e-3 * np.eye(n), 3.0 * rng.standard_normal(n)
+    now = Summit(
+        point=begin,
+        evaluation=Evaluation(value=0.0, score=slope, information=precision),
+        posterior=0.0,
+        precision=precision,
+        settled=False,
+        steps=0,
+    )
+    move, promise = hill.move(now, precision, slope, damping)
+    least, most = (np.clip(ends, -LONGEST, LONGEST) if logarithmic else ends for ends in (lower, upper))
+    assert np.all((move >= least - 1e-9) & (move <= most + 1e-9))
+    left = slope - precision @ move - damping * np.diag(precision) * move
+    left *= 1.0 / np.sqrt(np.diag(precision))
+    assert np.all(left[move < most - 1e-9] <= 1e-6)
+    assert np.all(left[move > least + 1e-9] >= -1e-6)
+    assert promise == pytest.approx(slope @ move - 0.5 * move @ precision @ move)
+    assert promise >= 0.0
+
+
+def test_what_hardly_shows_does_not_make_the_way_of_the_others_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two numbers one leads a little higher the farther it goes, without end; the other is found in two steps."""
+
+    def valley(_plant: object, _records: object, point: FitPoint) -> Evaluation:
+        clear, faint = point.values
+        score = np.array([1e4 * (1.4 - clear), 1.0])
+        value = -0.5e4 * (1.4 - clear) ** 2 + faint
+        return Evaluation(value=float(value), score=score, information=np.diag([1e4, 1e-3]))
+
+    monkeypatch.setattr(ascent, "evaluate_likelihood", valley)
+    plant, begin = unknowns(np.full(2, -9.0), np.full(2, 9.0), logarithmic=True)
+    summit = ascend(plant, (), begin, np.full(2, 1e9), turns=2)
+    assert summit.point.values[0] == pytest.approx(1.4, abs=1e-2)
+
+
 def one_unknown() -> tuple[FittedPlant, FitPoint]:
     """A plant of which one number is sought, and zero to begin at."""
-    far, none = np.full(1, np.inf), np.zeros((1, 0))
-    unknowns = SimpleNamespace(n_theta=1, logarithmic=np.zeros(1, bool), nominal=np.zeros(1), lower=-far, upper=far)
-    plant = cast("FittedPlant", SimpleNamespace(unknowns=unknowns))
-    return plant, FitPoint(values=np.zeros(1), starts=none, sizes=none)
+    far = np.full(1, np.inf)
+    return unknowns(-far, far, logarithmic=False)
 
 
 @pytest.mark.parametrize(
