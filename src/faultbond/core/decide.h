@@ -271,7 +271,7 @@ static int reject(State *state, int64_t hypothesis, Candidate *candidate, Diagno
     if (is_last) return LAST_ONE;
     for (int64_t k = 0; k < N_HYPOTHESES; k++)
         if (has_all_of(k, hypothesis)) bank->rejected[k] = 1;
-    wake(bank);
+    wake(bank, state->clock.index);
     forget_sure(&state->sure);
     forget_sure(&state->settled.now); /* what was sure before stays so, unless that is what is rejected */
     return 0;

@@ -159,4 +159,17 @@ static void begin_misfit_again(Bank *bank, int64_t lane, int64_t index)
         }
 }
 
+/* The largest sum of a lane: its side, and its sensor. */
+static double largest_sum(const Bank *bank, int64_t lane, int *side, int *signal)
+{
+    *side = *signal = 0;
+    for (int s = 0; s < 2; s++)
+        for (int j = 0; j < N_OUTPUTS; j++)
+            if (bank->sums[s][j][lane] > bank->sums[*side][*signal][lane]) {
+                *side = s;
+                *signal = j;
+            }
+    return bank->sums[*side][*signal][lane];
+}
+
 #endif

@@ -1,5 +1,7 @@
 /* Lanes that cannot win any more rest: a group of which each lane is far behind the leading one, once no lane begins again. It
-   keeps its distance from then on. What rests goes on where a person rules a hypothesis out.
+   keeps its distance from then on. What rests goes on where a person rules a hypothesis out, and where the leading lane does not
+   explain the data any more: then nobody knows what the others would say. An accumulator had lost a third of its pressure, as a ramp, and then the load
+   grew: the same as a drift, which rested, was a hundred nats behind whatever led, and that was likely by itself to less.
 
    A sensor or an input that sticks does not lead here: while nothing moves it explains whatever is quiet, far better than any
    other lane, and once the plant moves it is out; what rested by then would not come back. */
@@ -35,43 +37,67 @@ static int64_t leader_of(const Bank *bank)
     return leader;
 }
 
-/* Log-likelihood of the likeliest of some lanes with a slot; `leading`: without those whose sensor sticks. */
-static double most_of_slots(const Bank *bank, int64_t first, int64_t end, int leading)
-{
-    double most = LOWEST;
-    for (int64_t lane = first; lane < end; lane++)
-        if (!leading || !SLOT_STICKS[plan_of(bank, lane)]) most = fmax(most, likelihood_in(bank, N_STEPS + lane));
-    return most;
-}
-
-/* The same of a group that may rest; groups of steps come first, then those of slots, then those of couples. */
-static double most_of_group(Bank *bank, int64_t group, int leading)
+/* Log-likelihood of the likeliest lane of a group that may rest; groups of steps come first, then those of slots, then those of
+   couples. */
+static double most_of_group(const Bank *bank, int64_t group)
 {
     double most = LOWEST;
     const int64_t slots = group - BLOCKS(N_STEPS), couples = group - FIRST_COUPLES;
     const int64_t first = (slots < 0 ? group : couples < 0 ? slots : couples) * GROUP;
     const int64_t all = slots < 0 ? N_STEPS : couples < 0 ? SWITCHED : N_COUPLE_LANES;
-    const int64_t end = first + GROUP < all ? first + GROUP : all, before = couples < 0 ? 0 : N_SLOT_LANES;
-    if (slots >= 0) return most_of_slots(bank, before + first, before + end, leading);
-    for (int64_t lane = first; lane < end; lane++) most = fmax(most, likelihood_in(bank, lane));
+    const int64_t end = first + GROUP < all ? first + GROUP : all, before = slots < 0 ? 0 : couples < 0 ? N_STEPS : N_STEPS + N_SLOT_LANES;
+    for (int64_t lane = first; lane < end; lane++) most = fmax(most, likelihood_in(bank, before + lane));
     return most;
 }
 
-/* Log-likelihood of the likeliest lane that goes on. */
-static double leading_of_bank(Bank *bank)
+/* The group of a lane, among those that may rest, or -1. */
+static int64_t resting_group(int64_t lane)
+{
+    const int64_t slot = lane - N_STEPS, couple = slot - N_SLOT_LANES;
+    if (slot < 0) return lane / GROUP;
+    if (couple >= 0) return FIRST_COUPLES + couple / GROUP;
+    return slot < SWITCHED ? BLOCKS(N_STEPS) + slot / GROUP : -1;
+}
+
+/* Whether a lane rests. */
+static int does_rest(const Bank *bank, int64_t lane) { return resting_group(lane) >= 0 && bank->rests[resting_group(lane)]; }
+
+/* The likeliest lane that goes on, or -1. */
+static int64_t leading_of_bank(const Bank *bank)
 {
     double most = LOWEST;
-    for (int64_t group = 0; group < N_RESTING; group++)
-        if (!bank->rests[group]) most = fmax(most, most_of_group(bank, group, 1));
-    return fmax(most, most_of_slots(bank, SWITCHED, N_SLOT_LANES, 1));
+    int64_t leading = -1;
+    for (int64_t lane = 0; lane < N_LANES; lane++) {
+        if (does_rest(bank, lane) || (lane >= N_STEPS && SLOT_STICKS[plan_of(bank, lane - N_STEPS)])) continue;
+        if (!(likelihood_in(bank, lane) > most)) continue;
+        most = likelihood_in(bank, lane);
+        leading = lane;
+    }
+    return leading;
+}
+
+/* Its log-likelihood. */
+static double leading_likelihood(const Bank *bank)
+{
+    const int64_t leading = leading_of_bank(bank);
+    return leading < 0 ? LOWEST : likelihood_in(bank, leading);
+}
+
+/* Whether a lane of the bank does not explain the data. */
+static int is_contradicted(const Bank *bank, int64_t lane)
+{
+    int side, signal;
+    return lane >= 0 && largest_sum(bank, lane, &side, &signal) > CUSUM_LIMIT;
 }
 
 /* Put groups to rest that are far behind. */
 static void put_to_rest(Bank *bank)
 {
-    const double least = leading_of_bank(bank) - TO_REST;
+    const int64_t leading = leading_of_bank(bank);
+    if (leading < 0 || is_contradicted(bank, leading)) return;
+    const double least = likelihood_in(bank, leading) - TO_REST;
     for (int64_t group = 0; group < N_RESTING; group++)
-        if (most_of_group(bank, group, 0) < least) bank->rests[group] = 1;
+        if (most_of_group(bank, group) < least) bank->rests[group] = 1;
 }
 
 /* Let lanes that rest keep their distance where the leading one has moved on. */
@@ -86,8 +112,13 @@ static void keep_distance(Bank *bank, double moved)
     }
 }
 
-/* Let all lanes go on. */
-static void wake(Bank *bank) { memset(bank->rests, 0, sizeof bank->rests); }
+/* Let all lanes go on after a sample. */
+static void wake(Bank *bank, int64_t index)
+{
+    for (int64_t lane = 0; lane < N_LANES; lane++)
+        if (does_rest(bank, lane)) begin_misfit_again(bank, lane, index);
+    memset(bank->rests, 0, sizeof bank->rests);
+}
 
 FB_OFTEN
 

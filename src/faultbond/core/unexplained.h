@@ -13,19 +13,6 @@
 
 FB_SELDOM
 
-/* The largest sum of a lane: its side, and its sensor. */
-static double largest_sum(const Bank *bank, int64_t lane, int *side, int *signal)
-{
-    *side = *signal = 0;
-    for (int s = 0; s < 2; s++)
-        for (int j = 0; j < N_OUTPUTS; j++)
-            if (bank->sums[s][j][lane] > bank->sums[*side][*signal][lane]) {
-                *side = s;
-                *signal = j;
-            }
-    return bank->sums[*side][*signal][lane];
-}
-
 /* Tell where the best lane does not fit; without candidates there is none. Not of an input by itself whose record has stopped: what acts
    is not known, so that nothing speaks against it. */
 static void find_unexplained(const State *state, int64_t lane, Diagnosis *found)

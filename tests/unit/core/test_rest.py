@@ -74,3 +74,37 @@ def test_a_rejection_lets_all_go_on() -> None:
     monitor = judged(LAST_RENEWAL)
     monitor.reject(monitor.conclude().candidates[0].hypothesis)
     assert not monitor.numbers("bank.rests").any()
+
+
+def contradicted(monitor: Monitor) -> Monitor:
+    """The same where the likeliest lane does not explain the data."""
+    said = np.array([monitor.lane(lane)[-1] for lane in range(N_STEPS + SLOTS.n_lanes)])
+    leads = [not SLOTS.lanes[lane - N_STEPS].sticks if lane >= N_STEPS else True for lane in range(len(said))]
+    sums = monitor.numbers("bank.sums").reshape(2, -1, len(said))
+    sums[0, 0, np.argmax(np.where(leads, said, -np.inf))] = 1e3
+    return changed(monitor, **{"bank.sums": sums})
+
+
+def test_what_led_and_does_not_explain_the_data_any_more_lets_all_go_on() -> None:
+    """What the others lacked beside it tells nothing then; what is held against them is what comes from now on."""
+    before = judged(LAST_RENEWAL)
+    resting = before.numbers("bank.rests").astype(bool)
+    row = rows()[ROW + 1 : ROW + 2]
+    after = before.copy()
+    after.take(row)
+    assert after.numbers("bank.rests").astype(bool).tolist() == resting.tolist()
+    after = contradicted(before)
+    after.take(row)
+    assert not after.numbers("bank.rests").any()
+    n_steps = -(-N_STEPS // GROUP)
+    group = int(np.argmax(resting))
+    first = group * GROUP if group < n_steps else N_STEPS + (group - n_steps) * GROUP
+    assert np.all(after.numbers("bank.sums").reshape(2, -1, N_STEPS + SLOTS.n_lanes)[:, :, first] == 0.0)
+
+
+def test_nothing_rests_beside_what_does_not_explain_the_data() -> None:
+    """Who is far behind it may be right."""
+    monitor = changed(Monitor(cell(), course().saved[ROW]), **{"job.renewals": LAST_RENEWAL})
+    monitor = contradicted(monitor)
+    assert monitor.take(rows()[ROW : ROW + 1]).diagnosis is not None
+    assert not monitor.numbers("bank.rests").any()
