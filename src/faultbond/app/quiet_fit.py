@@ -175,7 +175,8 @@ def forecast(first: float) -> str:
     took, *about = (duration_text(seconds, digits=2) for seconds in (first, least, most))
     return (
         f"the first fit took {took}; the search for what is missing usually takes {' to '.join(about)} from here. "
-        "Fewer or shorter recordings and a longer `sample_time` make it shorter; Ctrl-C ends it with what was found"
+        "Fewer or shorter recordings and a longer `sample_time` make it shorter; Ctrl-C ends it with what was found, "
+        "as `timeout 20m` before the command does"
     )
 
 

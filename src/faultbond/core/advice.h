@@ -39,10 +39,34 @@ typedef struct {
     double squares[MOST_RIVALS][MOST_RIVALS]; /* of the differences of two, in sd of the noise, */
     double along[MOST_RIVALS][MOST_RIVALS];   /* and of these with the sd of what was predicted */
     double apart[MOST_RIVALS][MOST_RIVALS];   /* how far two are from each other, sd */
+    int64_t same[MOST_RIVALS][MOST_RIVALS];   /* 1: whatever the inputs do, the one says what the other says */
     double held[FB_ROOM(N_INPUTS)], sample[N_SAMPLE];
 } Rivals;
 
 static double step_ahead(void) { return SAMPLE_TIME > 0.0 ? SAMPLE_TIME : 1.0; }
+
+/* Whether one suspect is a wrong gain of an input, and the other the parameter with which alone that acts. */
+static int is_gain_of(const Suspect *gain, const Suspect *factor)
+{
+    return gain->input >= 0 && gain->word == WORD_GAIN && factor->parameter >= 0 && INPUT_FACTOR[gain->input] == factor->parameter;
+}
+
+/* Whether two candidates say the same of each suspect, but for such a gain in place of its parameter: no move of an input tells
+   them apart, though their lanes are not to the last digit alike. */
+static int say_the_same(const Candidate *one, const Candidate *other)
+{
+    if (one->n_suspects != other->n_suspects || one->kinds[0] == KIND_INTERMITTENT || other->kinds[0] == KIND_INTERMITTENT) return 0;
+    for (int64_t i = 0; i < one->n_suspects; i++) {
+        int is_there = 0;
+        for (int64_t k = 0; k < other->n_suspects; k++) {
+            const Suspect *mine = &one->suspects[i], *its = &other->suspects[k];
+            const int is_same = mine->parameter == its->parameter && mine->input == its->input && mine->output == its->output;
+            is_there |= (is_same && mine->word == its->word) || is_gain_of(mine, its) || is_gain_of(its, mine);
+        }
+        if (!is_there) return 0;
+    }
+    return 1;
+}
 
 /* Find the candidates that matter. */
 static void find_rivals(const Diagnosis *found, Rivals *rivals)
@@ -58,7 +82,10 @@ static void find_rivals(const Diagnosis *found, Rivals *rivals)
         total += candidate->probability;
         rivals->n++;
     }
-    for (int64_t r = 0; r < rivals->n; r++) rivals->probability[r] /= total;
+    for (int64_t r = 0; r < rivals->n; r++) {
+        rivals->probability[r] /= total;
+        for (int64_t other = 0; other < r; other++) rivals->same[r][other] = say_the_same(&found->candidates[r], &found->candidates[other]);
+    }
 }
 
 /* Take the lanes of the rivals out of the bank; lanes that fill up the last block repeat its first. */
@@ -158,7 +185,7 @@ static int64_t part_rivals(const Rivals *rivals, int64_t *group)
     for (int64_t r = 0; r < rivals->n; r++) {
         int64_t is_near[MOST_RIVALS] = {0}, after[MOST_RIVALS] = {0}, kept = 0;
         for (int64_t other = 0; other < r; other++)
-            if (!(rivals->apart[r][other] >= APART)) is_near[group[other]] = 1;
+            if (rivals->same[r][other] || !(rivals->apart[r][other] >= APART)) is_near[group[other]] = 1;
         for (int64_t k = 0; k < n; k++) after[k] = is_near[k] ? -1 : kept++;
         for (int64_t other = 0; other < r; other++)
             group[other] = after[group[other]] < 0 ? kept : after[group[other]]; /* joined, they are the last */

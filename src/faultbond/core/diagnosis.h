@@ -42,7 +42,7 @@ static void conclude(const State *state, Diagnosis *found, RankingMemory *memory
     rank(state, ranking, found);
     find_superseded(state, ranking, found);
     leave_to_mismatch(state, ranking, found);
-    find_unexplained(state, ranking->best[leading_hypothesis(ranking)], found);
+    find_unexplained(state, judged_lane(&state->bank, ranking, leading_hypothesis(ranking)), found);
     recall_missed(&state->bank.missed, found);
     const int bounded = !found->is_unexplained && !is_fresh(state);
     find_untested(&state->bank, ranking, state->clock.index, bounded, &memory->hidden, found);

@@ -13,6 +13,25 @@
 
 FB_SELDOM
 
+/* The lane by which a hypothesis is contradicted: its best one, or, of a wrong gain of an input and a change of the parameter with
+   which alone it acts, the best one of the other if that fits better: what the one explains, the other does (`share_gains`). */
+static int64_t judged_lane(const Bank *bank, const Ranking *ranking, int64_t hypothesis)
+{
+    const int64_t own = ranking->best[hypothesis];
+    int side, signal;
+    for (int64_t lane = 0; lane < SWITCHED; lane++) {
+        const int input = SLOT_INPUT[lane];
+        if (input < 0 || !SLOT_SCALES[lane] || INPUT_FACTOR[input] < 0) continue;
+        const int64_t set = single_of(INPUT_FACTOR[input]), instrument = SLOT_HYPOTHESIS[lane];
+        if (set < 0 || (hypothesis != set && hypothesis != instrument) || bank->rejected[set] || bank->rejected[instrument]) continue;
+        if (ranking->leading[instrument] != KIND_GAIN || ranking->leading[set] == KIND_INTERMITTENT) continue;
+        const int64_t other = ranking->best[hypothesis == set ? instrument : set];
+        if (other < 0) return own;
+        return largest_sum(bank, other, &side, &signal) < largest_sum(bank, own, &side, &signal) ? other : own;
+    }
+    return own;
+}
+
 /* Tell where the best lane does not fit; without candidates there is none. Not of an input by itself whose record has stopped: what acts
    is not known, so that nothing speaks against it. */
 static void find_unexplained(const State *state, int64_t lane, Diagnosis *found)
@@ -38,7 +57,7 @@ static void note_missed(const Ranking *ranking, const Diagnosis *found, Bank *ba
     int side, signal;
     if (!found->is_unexplained || found->until < found->time) return;
     const int64_t leading = found->candidates[0].hypothesis;
-    if (!(largest_sum(bank, ranking->best[leading], &side, &signal) > FAR_PAST * CUSUM_LIMIT)) return;
+    if (!(largest_sum(bank, judged_lane(bank, ranking, leading), &side, &signal) > FAR_PAST * CUSUM_LIMIT)) return;
     if (!missed->is_noted[leading]) missed->since[leading] = found->since;
     missed->is_noted[leading] = 1;
     missed->signal[leading] = found->signal;
