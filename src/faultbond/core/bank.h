@@ -58,7 +58,7 @@ static void advance_bank(State *state, const double *packed, double old, BankMem
     Bank *bank = &state->bank;
     int64_t resting = 0;
     for (int64_t group = 0; group < N_RESTING; group++) resting += bank->rests[group];
-    const double before = resting ? leading_likelihood(bank) : 0.0;
+    const double before = resting ? likelihood_in(bank, leading_of_bank(bank)) : 0.0;
     advance_steps(bank, steps_begun(&state->job), packed, &state->normal, memory->innovations, &memory->steps, &filters->plain);
     if (!IS_OUTSIDE(packed))
         hand_on(bank, slots_begun(&state->job), state->clock.index > state->clock.alarm + AWAITED, state->clock.index,
@@ -67,9 +67,10 @@ static void advance_bank(State *state, const double *packed, double old, BankMem
                   memory->innovations[0] + N_STEPS, FB_ROOM(N_LANES), &filters->wide, &memory->slots);
     advance_couples(bank, packed, &state->normal, memory->innovations[0] + N_STEPS + N_SLOT_LANES, FB_ROOM(N_LANES), &filters->wide,
                     &memory->slots);
-    if (resting) keep_distance(bank, leading_likelihood(bank) - before);
+    const int64_t leading = resting ? leading_of_bank(bank) : -1;
+    if (resting) keep_distance(bank, likelihood_in(bank, leading) - before);
     if (is_ready(&state->job)) add_misfit(bank, &state->inputs, packed, memory->innovations, state->clock.index);
-    if (resting && is_contradicted(bank, leading_of_bank(bank))) wake(bank, state->clock.index);
+    if (is_contradicted(bank, leading)) wake(bank, state->clock.index);
 }
 
 /* Work on the bank for as long as a sample may take. */

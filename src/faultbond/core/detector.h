@@ -62,12 +62,14 @@ static int64_t note_walk(const State *state, Alarm *found)
     return began;
 }
 
-/* Whether an input has been where no recording of the fit had it, and so the model was never compared with the plant. */
-static int is_unfamiliar(const Inputs *inputs)
+/* Whether an input is, or has been ever, where no recording of the fit had it, and so the model was never compared with the plant. */
+static int is_unfamiliar(const Inputs *inputs, int ever)
 {
     int found = 0;
-    for (int k = 0; k < N_INPUTS; k++)
-        found |= inputs->lowest[k] < INPUT_FAMILIAR_LOW[k] || inputs->highest[k] > INPUT_FAMILIAR_HIGH[k];
+    for (int k = 0; k < N_INPUTS; k++) {
+        const double low = ever ? inputs->lowest[k] : inputs->held[k], high = ever ? inputs->highest[k] : inputs->held[k];
+        found |= low < INPUT_FAMILIAR_LOW[k] || high > INPUT_FAMILIAR_HIGH[k];
+    }
     return found;
 }
 
@@ -97,9 +99,9 @@ static int64_t detect(State *state)
     found.walker = found.window = found.old = -1;
     found.walk = 0.0;
     found.outside = 0;
-    found.unfamiliar = is_unfamiliar(&state->inputs);
     found.slow = !crossed;
     const double began = walks ? (double)note_walk(state, &found) : beginning(&state->sensors, leading);
+    found.unfamiliar = is_unfamiliar(&state->inputs, found.window == WALKS);
     const int64_t change = began >= (double)clock->index ? clock->index : began > (double)oldest ? (int64_t)began : oldest;
     found.time = clock->time;
     if (!walks) found.change_time = row_of(&state->past, change)->time;

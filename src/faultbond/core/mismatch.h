@@ -4,7 +4,7 @@
    is a hypothesis of its own. As it may bring about whatever the data are, no likelihood tells it from the others, and its
    probability is that of before. Reasons and figures: docs/decisions/020-walks.md.
 
-   So it is where such a parameter is a suspect, but an input has been where no recording of the fit had it: how far a parameter may
+   So it is where such a parameter is a suspect, but an input is where no recording of the fit had it, or has been so far: how far a parameter may
    be off is what a fit has learned where it was, and of a law that is a little off elsewhere the healthy filter makes a parameter
    that walks. Nothing tells that from a fault. One that comes at once is none of it.
 

@@ -14,11 +14,12 @@ FB_SELDOM
 
 #define TO_REST 100.0 /* nats by which all lanes of a group are less likely than the leading one */
 
-/* Log-likelihood of a lane of the bank, of steps, then with a slot, then of couples; LOWEST where none has begun there, or it is
-   no number. */
+/* Log-likelihood of a lane of the bank, of steps, then with a slot, then of couples; LOWEST of none, where none has begun there, or it
+   is no number. */
 static double likelihood_in(const Bank *bank, int64_t lane)
 {
     const int64_t slot = lane - N_STEPS, couple = slot - N_SLOT_LANES, grown = lane - N_PLANNED;
+    if (lane < 0) return LOWEST;
     if (slot < 0) return grown >= 0 && bank->grown[grown / PER_SET] < 0 ? LOWEST : finite_or_lowest(of_step(bank, lane, PLAIN_LIKELIHOOD));
     return couple >= 0 && bank->base[couple] < 0 ? LOWEST : finite_or_lowest(of_slot(bank, slot, WIDE_LIKELIHOOD));
 }
@@ -74,13 +75,6 @@ static int64_t leading_of_bank(const Bank *bank)
         leading = lane;
     }
     return leading;
-}
-
-/* Its log-likelihood. */
-static double leading_likelihood(const Bank *bank)
-{
-    const int64_t leading = leading_of_bank(bank);
-    return leading < 0 ? LOWEST : likelihood_in(bank, leading);
 }
 
 /* Whether a lane of the bank does not explain the data. */

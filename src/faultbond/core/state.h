@@ -167,7 +167,7 @@ typedef struct {
     int64_t old;                /* the snapshot from before a walk that began before the trail; -1: it did not */
     int64_t slow;               /* 1: no sum raised it, so what it tells may have begun long before */
     int64_t outside;            /* samples since then at which the model did not hold */
-    int64_t unfamiliar;         /* 1: an input had been where no recording of the fit had it */
+    int64_t unfamiliar;         /* 1: an input was where no recording of the fit had it; of a walk since the start: or had been */
 } Alarm;
 
 /* What the rule has in mind that accepts without a person: which hypothesis has been sure, since which sample, and since when

@@ -3,8 +3,10 @@
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
+from bare_core import CELL, bare
 from diagnosed import SPEC, Diagnosed
 from faultbond.contract.core_settings import core_settings
 from faultbond.synthesis.compile import find_compiler
@@ -127,3 +129,26 @@ def test_what_was_sure_is_superseded_by_what_lacks_it(sure: tuple[str, ...], *, 
     told = tuple(SPEC.parts[k] for k in found["superseded"][: found["n_superseded"]])
     assert told == (sure if is_superseded else ())
     assert found["mismatch"] == (SETTINGS["OFF_SUPERSEDED"] if is_superseded else 0.0)
+
+
+def test_what_was_beyond_the_fit_counts_for_a_walk_since_the_start() -> None:
+    """Of one that began later the input of now tells; one that has no value yet is nowhere."""
+    text = CELL.replace("{V: {unit: V, settling: 3 s}", "{V: {unit: V, settling: 3 s, fitted_range: [1 V, 9 V]}")
+    core = bare(
+        """
+        void t_unfamiliar(State *state, const double *inputs, const double *ever, double *found)
+        {
+            state->inputs.lowest[0] = inputs[0];
+            state->inputs.highest[0] = inputs[1];
+            state->inputs.held[0] = inputs[2];
+            found[0] = is_unfamiliar(&state->inputs, ever[0] > 0.0);
+        }
+        """,
+        text,
+    )
+    cases = {(1.0, 9.0, 5.0): (0, 0), (1.0, 9.5, 5.0): (0, 1), (0.4, 9.0, 0.4): (1, 1), (1.0, 9.5, np.nan): (0, 1)}
+    for inputs, told in cases.items():
+        for ever in (0, 1):
+            found = np.zeros(1)
+            core.call("t_unfamiliar", np.array(inputs), np.array([float(ever)]), found)
+            assert found[0] == told[ever], (inputs, ever)
