@@ -524,7 +524,9 @@ def _left_out(spec: EngineSpec) -> Iterator[tuple[str, str]]:
     if trusted:
         yield "not tested", f"{trusted}: trusted, unless the model file says `suspect: yes`"
     if hidden := ", ".join((*hidden_suspects(spec), *hidden_instruments(spec))):
-        yield "not tested", f"{hidden}: no data fix such a change by itself; `analyse` tells why"
+        told = f"{hidden}: no data fix such a change by itself; `analyse` tells why"
+        guessed = bool(spec.inputs) and all(item.fitted_range == (-math.inf, math.inf) for item in spec.inputs)
+        yield "not tested", told + (" (inputs as guessed: a `fit` writes where they were)" if guessed else "")
 
 
 def _rows_text(graph: BondGraph) -> str:

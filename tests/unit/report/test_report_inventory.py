@@ -120,3 +120,17 @@ def test_a_torque_is_no_energy() -> None:
     heat = "name: h\nsample_time: 1 s\ninputs: {Q: {unit: W}}\ncomponents: {heater: {type: Sf, law: f = Q}, block: "
     heat += "{type: C, parameters: {C: 2 J/K}}}\nbonds: [heater -> block]\nsensors: {T: {reads: block.e, noise: 1 K}}"
     assert parse_model(heat).signal_unit("block.q").text == "J"
+
+
+@pytest.mark.parametrize(("fitted", "guessed"), [("", True), (", fitted_range: [10 l/min, 20 l/min]", False)])
+def test_what_no_data_fix_may_be_for_where_inputs_are_taken_to_be(fitted: str, *, guessed: bool) -> None:
+    """A valve that is shut there says nothing; a fit writes where inputs were."""
+    text = MODEL.replace("suspect: no}", f"suspect: no{fitted}}}")
+    relief = """\
+  relief: {type: R, law: "f = L*max(e - e0, 0)", parameters: {L: 1e-3 m^2/s, e0: {nominal: 90 m, suspect: no}}}
+"""
+    text = text.replace("  outlet:", f"{relief}  outlet:")
+    model = build_step_model(build_plant(parse_model(text.replace("node -> outlet", "node -> outlet, node -> relief"))))
+    told = printed(Inventory(graph=model.plant.graph, model=model, spec=build_spec(model), engine="none"))
+    assert "L: no data fix such a change by itself; `analyse` tells why" in told
+    assert ("(inputs as guessed: a `fit` writes where they were)" in told) == guessed
