@@ -143,16 +143,23 @@ static void share_products(const Bank *bank, int out, Ranking *ranking)
     }
 }
 
-/* What the lanes of wrong gains of an input say, whatever their kind, and the hypothesis of the input, -1: it is no suspect. */
-static double said_of_gains(const Ranking *ranking, int input, int64_t *hypothesis)
+/* Whether a wrong gain of an input, and a change of the parameter with which alone it acts, are both tested and not ruled out, so that
+   the one may stand for the other; gives their hypotheses. */
+static int are_interchangeable(const Bank *bank, int out, int input, int64_t *set, int64_t *instrument)
+{
+    *set = INPUT_FACTOR[input] < 0 ? -1 : single_of(INPUT_FACTOR[input]);
+    *instrument = -1;
+    for (int64_t lane = 0; lane < SWITCHED; lane++)
+        if (SLOT_INPUT[lane] == input && SLOT_SCALES[lane]) *instrument = SLOT_HYPOTHESIS[lane];
+    return *set >= 0 && *instrument >= 0 && !is_out(bank, out, *set) && !is_out(bank, out, *instrument);
+}
+
+/* What the lanes of wrong gains of an input say, whatever their kind. */
+static double said_of_gains(const Ranking *ranking, int input)
 {
     double said = -INFINITY;
-    *hypothesis = -1;
-    for (int64_t lane = 0; lane < SWITCHED; lane++) {
-        if (SLOT_INPUT[lane] != input || !SLOT_SCALES[lane]) continue;
-        said = log_add(said, ranking->weighted[N_STEPS + lane]);
-        *hypothesis = SLOT_HYPOTHESIS[lane];
-    }
+    for (int64_t lane = 0; lane < SWITCHED; lane++)
+        if (SLOT_INPUT[lane] == input && SLOT_SCALES[lane]) said = log_add(said, ranking->weighted[N_STEPS + lane]);
     return said;
 }
 
@@ -172,14 +179,10 @@ static double said_of_parameter(const Ranking *ranking, int64_t set, int paramet
 static void share_gains(const Bank *bank, int out, Ranking *ranking)
 {
     for (int input = 0; input < N_INPUTS; input++) {
-        int64_t instrument;
-        const int parameter = INPUT_FACTOR[input];
-        const int64_t set = parameter < 0 ? -1 : single_of(parameter);
-        if (set < 0 || is_out(bank, out, set)) continue;
-        const double gains = said_of_gains(ranking, input, &instrument);
-        if (instrument < 0 || is_out(bank, out, instrument)) continue;
-        const double own = said_of_parameter(ranking, set, parameter), weight = weight_of_gain(instrument);
-        const double more = gains - weight - own;
+        int64_t set, instrument;
+        if (!are_interchangeable(bank, out, input, &set, &instrument)) continue;
+        const double own = said_of_parameter(ranking, set, INPUT_FACTOR[input]), weight = weight_of_gain(instrument);
+        const double more = said_of_gains(ranking, input) - weight - own;
         if (!isfinite(more)) continue;
         for (int kind = 0; kind < N_KINDS && more > 0.0; kind++)
             if (kind != KIND_INTERMITTENT) ranking->kinds[set][kind] += more;

@@ -19,11 +19,9 @@ static int64_t judged_lane(const Bank *bank, const Ranking *ranking, int64_t hyp
 {
     const int64_t own = ranking->best[hypothesis];
     int side, signal;
-    for (int64_t lane = 0; lane < SWITCHED; lane++) {
-        const int input = SLOT_INPUT[lane];
-        if (input < 0 || !SLOT_SCALES[lane] || INPUT_FACTOR[input] < 0) continue;
-        const int64_t set = single_of(INPUT_FACTOR[input]), instrument = SLOT_HYPOTHESIS[lane];
-        if (set < 0 || (hypothesis != set && hypothesis != instrument) || bank->rejected[set] || bank->rejected[instrument]) continue;
+    for (int input = 0; input < N_INPUTS; input++) {
+        int64_t set, instrument;
+        if (!are_interchangeable(bank, OUT_REJECTED, input, &set, &instrument) || (hypothesis != set && hypothesis != instrument)) continue;
         if (ranking->leading[instrument] != KIND_GAIN || ranking->leading[set] == KIND_INTERMITTENT) continue;
         const int64_t other = ranking->best[hypothesis == set ? instrument : set];
         if (other < 0) return own;

@@ -16,7 +16,7 @@ from faultbond.io.row_block import Quality
 
 MOST_ROWS = 10_000  # that wait; where there are more, the oldest go out as they are
 MOST_HELD = 1_000  # values of a signal that holds, of which the older half is forgotten where there are more
-_Held = tuple[float, int, float, Quality]  # time, number of arrival, value
+_Held = tuple[float, int, float, Quality]  # time, number of arrival, value, its quality
 
 
 class RawRow(NamedTuple):
