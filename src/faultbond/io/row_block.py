@@ -1,13 +1,18 @@
 """Rows of a recording in SI, one by one or many at once in arrays."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from hashlib import sha256
+from math import nan
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from faultbond.arrays import ByteArray, FloatArray, IntArray
+
+A = TypeVar("A", bound=NDArray[Any])
 
 
 class Quality(IntEnum):
@@ -23,7 +28,8 @@ class Row:
     """One row of a recording: time in seconds, u (n_inputs,) and y (n_outputs,) in SI, nan where there is no value.
 
     saturated: how many sensors were at an end of their range, and inputs beyond theirs; their values are nan. quality:
-    a `Quality` for each value, (n_inputs + n_outputs,); None: all are good.
+    a `Quality` for each value, (n_inputs + n_outputs,); None: all are good. arrived: when it came, s since 1970; nan:
+    it is not told.
     """
 
     time: float
@@ -32,6 +38,7 @@ class Row:
     saturated: int = 0
     line: int = 0
     quality: ByteArray | None = None
+    arrived: float = nan
 
     def repeats(self, other: "Row") -> bool:
         """Whether this is the other row once more."""
@@ -50,7 +57,7 @@ class RowBlock:
     """Rows one after the other, each as in `Row`.
 
     time (n_rows,), u (n_rows, n_inputs), y (n_rows, n_outputs); saturated, line: (n_rows,), whole numbers; quality
-    (n_rows, n_inputs + n_outputs), or None where all are good.
+    (n_rows, n_inputs + n_outputs), or None where all are good; arrived (n_rows,), or None where it is told of none.
     """
 
     time: FloatArray
@@ -59,6 +66,7 @@ class RowBlock:
     saturated: IntArray
     line: IntArray
     quality: ByteArray | None = None
+    arrived: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.time)
@@ -72,6 +80,7 @@ class RowBlock:
             saturated=int(self.saturated[k]),
             line=int(self.line[k]),
             quality=None if self.quality is None else self.quality[k],
+            arrived=nan if self.arrived is None else float(self.arrived[k]),
         )
 
     def part(self, chosen: slice | IntArray) -> "RowBlock":
@@ -83,18 +92,21 @@ class RowBlock:
             saturated=self.saturated[chosen],
             line=self.line[chosen],
             quality=None if self.quality is None else self.quality[chosen],
+            arrived=None if self.arrived is None else self.arrived[chosen],
         )
 
 
 def block_of_rows(rows: Sequence[Row]) -> RowBlock:
     """Give rows, one at least, as a block."""
+    arrived = np.array([row.arrived for row in rows])
     return RowBlock(
         time=np.array([row.time for row in rows]),
         u=np.array([row.u for row in rows]),
         y=np.array([row.y for row in rows]),
         saturated=np.array([row.saturated for row in rows]),
         line=np.array([row.line for row in rows]),
-        quality=_stacked([row.quality for row in rows], [(row.u.size + row.y.size,) for row in rows], np.array),
+        quality=_stacked([row.quality for row in rows], [_good((row.u.size + row.y.size,)) for row in rows], np.array),
+        arrived=None if np.isnan(arrived).all() else arrived,
     )
 
 
@@ -102,24 +114,25 @@ def joined_rows(blocks: Sequence[RowBlock]) -> RowBlock:
     """Give the rows of blocks, one at least, as one."""
     if len(blocks) == 1:
         return blocks[0]
-    shapes = [(len(item), item.u.shape[1] + item.y.shape[1]) for item in blocks]
+    good = [_good((len(item), item.u.shape[1] + item.y.shape[1])) for item in blocks]
+    untold = [np.full(len(item), nan) for item in blocks]
     return RowBlock(
         time=np.concatenate([item.time for item in blocks]),
         u=np.concatenate([item.u for item in blocks]),
         y=np.concatenate([item.y for item in blocks]),
         saturated=np.concatenate([item.saturated for item in blocks]),
         line=np.concatenate([item.line for item in blocks]),
-        quality=_stacked([item.quality for item in blocks], shapes, np.concatenate),
+        quality=_stacked([item.quality for item in blocks], good, np.concatenate),
+        arrived=_stacked([item.arrived for item in blocks], untold, np.concatenate),
     )
 
 
-def _stacked(
-    parts: Sequence[ByteArray | None],
-    shapes: Iterable[tuple[int, ...]],
-    stack: Callable[[list[ByteArray]], ByteArray],
-) -> ByteArray | None:
-    """Give qualities of these shapes as one; None where all are good."""
+def _good(shape: tuple[int, ...]) -> ByteArray:
+    return np.full(shape, Quality.GOOD, dtype=np.uint8)
+
+
+def _stacked(parts: Sequence[A | None], usual: Sequence[A], stack: Callable[[list[A]], A]) -> A | None:
+    """Give parts as one, of those that are not told what is usual; None where none is told."""
     if all(part is None for part in parts):
         return None
-    good = (np.full(shape, Quality.GOOD, dtype=np.uint8) for shape in shapes)
-    return stack([usual if part is None else part for part, usual in zip(parts, good, strict=True)])
+    return stack([other if part is None else part for part, other in zip(parts, usual, strict=True)])

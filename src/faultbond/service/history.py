@@ -42,6 +42,7 @@ PARQUET, PAGE = (".parquet", ".pq"), (".html", ".htm")
 _TURNS = ("detection", "accepted")  # kinds of records with which an alarm is raised, and ends
 LEAD = 3600  # samples before an alarm from which on it is watched again, for a filter that has settled
 QUALITY = ".quality"  # behind the header of a column: that of its qualities
+ARRIVED = ".arrived"  # behind that of the time: when rows came
 _NOBODY = Out(text=None, json=None)
 KINDS_OF_FILES = "FILE.csv, FILE.parquet or FILE.html"
 
@@ -159,7 +160,8 @@ def record_of(item: NamedRecord | Deed) -> Record:
 def columns_in_units(graph: BondGraph, log: Iterable[RowBlock | Deed]) -> dict[str, FloatArray]:
     """Give the rows of a log as columns of a recording by header, (n_rows,) each, in the units of the model file.
 
-    A column of which the source called a value uncertain or bad has one more beside it, of its `Quality` as a number.
+    A column of which the source called a value uncertain or bad has one more beside it, of its `Quality` as a number;
+    last comes when each row did, s since 1970.
     """
     blocks = [item for item in log if isinstance(item, RowBlock)]
     rows = joined_rows(blocks)
@@ -170,6 +172,8 @@ def columns_in_units(graph: BondGraph, log: Iterable[RowBlock | Deed]) -> dict[s
         columns[item.column] = _in_unit(values, item.unit)
         if rows.quality is not None and rows.quality[:, k].any():
             columns[f"{item.column}{QUALITY}"] = rows.quality[:, k].astype(np.float64)
+    if rows.arrived is not None:
+        columns[f"{graph.time.column or ''}{ARRIVED}".lstrip(".")] = rows.arrived
     return columns
 
 

@@ -80,3 +80,7 @@ def test_values_that_nobody_takes_are_bounded_and_counted() -> None:
     assert found.rows.quality is not None
     good, bad = [Quality.GOOD] * 3, [Quality.GOOD, Quality.BAD, Quality.GOOD]
     assert found.rows.quality.tolist() == [*[good] * 8, bad, good]
+    assert found.rows.arrived is not None
+    waited = np.diff(found.rows.arrived)
+    assert np.all(waited[:7] < 0.05)
+    assert np.all(waited[7:] > 0.05)  # not when all were taken

@@ -269,6 +269,20 @@ def test_the_qualities_of_a_log_are_columns_too() -> None:
     assert columns["flow.quality"].tolist() == [0.0, 0.0, 0.0, 0.0, 2.0]
 
 
+def test_when_rows_came_is_a_column_too(tmp_path: Path) -> None:
+    """Each row has the moment at which it came, or that at which those came that came with it."""
+    store = open_store(tmp_path / "plant.db", reserve=0)
+    store.enrol(replace(enrolment("tank"), text=TANK.read_text(), n_inputs=2, n_outputs=2))
+    alone = replace(some_rows(3, 2, n_inputs=2), arrived=np.array([50.25, 51.5]))
+    store.commit([Commit(asset="tank", rows=some_rows(0, 3, n_inputs=2), arrived=49.0)])
+    store.commit([Commit(asset="tank", rows=alone, arrived=52.0)])
+    target = tmp_path / "a.csv"
+    tell_history(store, Excerpt(), output=target, out=SILENT)
+    cells = [line.split(",")[-1] for line in target.read_text().splitlines()]
+    assert cells == ["time.arrived", "49.0", "49.0", "49.0", "50.25", "51.5"]
+    store.close()
+
+
 @pytest.mark.parametrize(
     ("wanted", "output", "reason"),
     [
@@ -316,7 +330,7 @@ def test_an_older_model(tmp_path: Path) -> None:
         target = tmp_path / f"{name}.csv"
         tell_history(store, Excerpt(begin=begin, end=begin + 9), output=target, out=SILENT)
         lines = target.read_text().splitlines()
-        assert lines[0] == f"time,u_in,u_out,{name},pressure"
+        assert lines[0] == f"time,u_in,u_out,{name},pressure,time.arrived"
         assert len(lines) == 11
     store.close()
 

@@ -93,10 +93,11 @@ class AuditEntry:
 class Arrivals:
     """Rows of one asset that came together, in the order of arrival.
 
-    arrived: when. cursor: where the source stands behind them, a text that it understands when it begins again; empty
-    where it cannot go back. counts: what else came since the arrivals before and is not in `rows`, by name: `dropped`
-    (the queue was full), `bad` and `uncertain` (values by their quality; a bad one is nan in its row). stale: why all
-    values of the asset are of the past though its source works, a sentence; empty: they are of now; None: as before.
+    arrived: when, s since 1970, unless the rows tell it of each. cursor: where the source stands behind them, a text
+    that it understands when it begins again; empty where it cannot go back. counts: what else came since the arrivals
+    before and is not in `rows`, by name: `dropped` (the queue was full), `bad` and `uncertain` (values by quality,
+    of which a bad one is nan in its row). stale: why all values of the asset are of the past though its source works, a
+    sentence; empty: they are of now; None: as before.
     """
 
     asset: str

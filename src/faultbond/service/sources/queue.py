@@ -3,6 +3,7 @@
 import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,12 +32,12 @@ class ArrivalQueue:
         self._most = most
 
     def put(self, asset: str, row: Row) -> None:
-        """Let a row wait."""
+        """Let a row wait that comes now."""
         rows = self._rows[asset]
         if len(rows) >= self._most:
             rows.popleft()
             self._counts[asset][DROPPED] += 1
-        rows.append(row)
+        rows.append(replace(row, arrived=time.time()))
 
     def count(self, asset: str, name: str, number: int = 1) -> None:
         """Count what came and is in no row, or is in one as missing."""

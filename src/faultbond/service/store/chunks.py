@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from faultbond.arrays import FloatArray
 from faultbond.errors import StoreError
 from faultbond.io.row_block import RowBlock
 from faultbond.service.contract.messages import Curves
@@ -21,7 +22,9 @@ from faultbond.service.contract.messages import Curves
 VERSION = 1
 _MAGIC = b"fb"
 _HEAD = Struct("<2sBBIIII")  # magic, version, what is in it, rows, inputs, outputs, checksum of all but itself
-_ROWS, _CURVES, _DENSE, _QUALITY = 0, 1, 2, 4  # the last: rows of which not all values are good
+_ROWS, _CURVES, _DENSE = 0, 1, 2
+_QUALITY, _ARRIVED = 4, 8  # of rows: not all values are good; when they came is told, in ms since 1970
+_UNTOLD = np.iinfo(np.int64).min  # the same of a row of which it is not
 _LEVEL = 1  # of deflating: more takes three times as long for a twentieth of the bytes
 _DOUBLE, _SINGLE, _COUNT, _LINE, _BYTE = (np.dtype(code) for code in ("<f8", "<f4", "<i4", "<i8", "u1"))
 
@@ -30,12 +33,15 @@ Array = NDArray[Any]
 
 def pack_rows(rows: RowBlock, *, dense: bool) -> bytes:
     """Give rows as bytes."""
-    kinds = (_DOUBLE, _DOUBLE, _DOUBLE, _COUNT, _LINE)
-    parts = (rows.time, rows.u, rows.y, rows.saturated, rows.line)
-    sizes = (len(rows), rows.u.shape[1], rows.y.shape[1])
-    if rows.quality is None:
-        return _pack(_ROWS, sizes, parts, kinds, dense=dense)
-    return _pack(_ROWS | _QUALITY, sizes, (*parts, rows.quality), (*kinds, _BYTE), dense=dense)
+    kinds: tuple[np.dtype[Any], ...] = (_DOUBLE, _DOUBLE, _DOUBLE, _COUNT, _LINE)
+    parts: tuple[Array, ...] = (rows.time, rows.u, rows.y, rows.saturated, rows.line)
+    what, sizes = _ROWS, (len(rows), rows.u.shape[1], rows.y.shape[1])
+    if rows.quality is not None:
+        what, parts, kinds = what | _QUALITY, (*parts, rows.quality), (*kinds, _BYTE)
+    if rows.arrived is not None:
+        milliseconds = np.where(np.isnan(rows.arrived), _UNTOLD, np.rint(1e3 * np.nan_to_num(rows.arrived)))
+        what, parts, kinds = what | _ARRIVED, (*parts, milliseconds), (*kinds, _LINE)
+    return _pack(what, sizes, parts, kinds, dense=dense)
 
 
 def unpack_rows(data: bytes, title: str) -> RowBlock:
@@ -50,15 +56,23 @@ def unpack_rows(data: bytes, title: str) -> RowBlock:
     shapes = [(1, _DOUBLE), (n_u, _DOUBLE), (n_y, _DOUBLE), (1, _COUNT), (1, _LINE)]
     if data[3] & _QUALITY:
         shapes.append((n_u + n_y, _BYTE))
-    time, u, y, saturated, line, *quality = _arrays(payload, n, shapes, dense=_is_dense(data))
+    if data[3] & _ARRIVED:
+        shapes.append((1, _LINE))
+    time, u, y, saturated, line, *more = _arrays(payload, n, shapes, dense=_is_dense(data))
     return RowBlock(
         time=time[:, 0],
         u=u,
         y=y,
         saturated=saturated[:, 0].astype(np.intp),
         line=line[:, 0].astype(np.intp),
-        quality=quality[0] if quality else None,
+        quality=more[0] if data[3] & _QUALITY else None,
+        arrived=_moments(more[-1][:, 0]) if data[3] & _ARRIVED else None,
     )
+
+
+def _moments(milliseconds: Array) -> FloatArray:
+    """Give s since 1970 (n,), nan where it is not told."""
+    return np.where(milliseconds == _UNTOLD, np.nan, milliseconds / 1e3)
 
 
 def pack_curves(curves: Curves, *, dense: bool) -> bytes:
@@ -133,7 +147,7 @@ def _payload(data: bytes, what: int, title: str) -> tuple[tuple[int, int, int], 
         raise StoreError(f"{title}: of format {version}, and this faultbond reads {VERSION}. Take a newer faultbond.")
     if zlib.crc32(payload, zlib.crc32(_HEAD.pack(magic, version, code, n, n_u, n_y, 0))) != checksum:
         raise StoreError(_damaged(title, "the checksum differs"))
-    if code & ~(_DENSE | _QUALITY) != what:
+    if code & ~(_DENSE | _QUALITY | _ARRIVED) != what:
         raise StoreError(_damaged(title, "they are of another kind"))
     return (n, n_u, n_y), payload
 

@@ -313,7 +313,10 @@ class RelationalStore:
         if part.rows is not None:
             self._check_width(log, "rows", part.rows.u.shape[1], part.rows.y.shape[1])
             arrived = part.arrived
-            tails[ROWS.number] = append(self._database, log, ROWS, n_rows, part.rows, arrived)
+            rows = part.rows
+            if rows.arrived is None:
+                rows = replace(rows, arrived=np.full(len(rows), arrived))
+            tails[ROWS.number] = append(self._database, log, ROWS, n_rows, rows, arrived)
             known = part.rows.time[np.isfinite(part.rows.time)]
             time = float(known[-1]) if len(known) else time
             n_rows += len(part.rows)

@@ -25,9 +25,15 @@ def test_rows_come_back_to_the_last_bit(data: st.DataObject, sizes: tuple[int, i
     n, n_u, n_y = sizes
     numbers = [data.draw(arrays(np.uint64, shape)).view(np.float64) for shape in ((n, 1), (n, n_u), (n, n_y))]
     line = data.draw(arrays(np.int64, n)).astype(np.intp)
-    quality = data.draw(st.none() | arrays(np.uint8, (n, n_u + n_y)))
+    milliseconds = st.integers(-(10**13), 10**13).map(lambda count: count / 1e3) | st.just(np.nan)
     rows = RowBlock(
-        time=numbers[0][:, 0], u=numbers[1], y=numbers[2], saturated=np.arange(n), line=line, quality=quality
+        time=numbers[0][:, 0],
+        u=numbers[1],
+        y=numbers[2],
+        saturated=np.arange(n),
+        line=line,
+        quality=data.draw(st.none() | arrays(np.uint8, (n, n_u + n_y))),
+        arrived=data.draw(st.none() | arrays(np.float64, n, elements=milliseconds)),
     )
     found = unpack_rows(pack_rows(rows, dense=dense), "rows")
     for item in fields(RowBlock):
