@@ -422,16 +422,17 @@ def test_what_rows_hold_is_asked_of_all_inputs_at_once(
 @pytest.mark.parametrize(
     ("heights", "ends", "climbs"),
     [
-        ([(1.0, False), (3.0, False), (4.0, True), (9.0, True)], 4.0, 2),
-        ([(1.0, True), (9.0, True)], 1.0, 0),
-        ([(1.0, False), (0.9, False), (9.0, True)], 1.0, 1),
-        ([(float(k), False) for k in range(1, 9)], 1.0 + FURTHER, FURTHER),
+        ([(10.0, False), (30.0, False), (40.0, True), (90.0, True)], 40.0, 2),
+        ([(10.0, True), (90.0, True)], 10.0, 0),
+        ([(10.0, False), (9.0, False), (90.0, True)], 10.0, 1),
+        ([(10.0, False), (14.9, False), (90.0, True)], 14.9, 1),
+        ([(10.0 * k, False) for k in range(1, 9)], 10.0 + 10.0 * FURTHER, FURTHER),
     ],
 )
 def test_a_round_begins_where_a_climb_has_come_to_rest(
     heights: list[tuple[float, bool]], ends: float, climbs: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It climbs on, a few times at most, and as long as that leads higher."""
+    """It climbs on, a few times at most, and as long as that leads clearly higher."""
     first, *others = (
         Footing(graph=cast("Any", None), values={}, starts={}, trained=height, settled=settled)
         for height, settled in heights
@@ -453,11 +454,11 @@ def searched(
     monkeypatch: pytest.MonkeyPatch,
     stand: Footing,
     alone: dict[Imperfection, Footing],
-    together: Callable[[Search, Footing, list[Added]], Footing],
+    together: Callable[..., Footing],
 ) -> tuple[Search, Footing]:
     """Give a search after its round, and what it chose, by where imperfections lead alone and together."""
     search = bare_search()
-    ground = SimpleNamespace(climbed=lambda _, item, few: alone[item])
+    ground = SimpleNamespace(climbed=lambda _, item, few, least: alone[item])
     monkeypatch.setattr(further, "worth_fitting", lambda *_: [(ground, item, 9.0) for item in alone])
     monkeypatch.setattr(further, "added_together", together)
     found = further.better(search, stand)
@@ -488,7 +489,7 @@ def test_a_slow_error_does_not_stand_for_lags(
         footing((Added(what=item, trained=held, held=held),), held) for item, held in zip(items, alone, strict=True)
     ]
 
-    def together(_: Search, stand: Footing, more: list[Added]) -> Footing:
+    def together(_: Search, stand: Footing, more: Sequence[Added], **_how: float) -> Footing:
         gains = {(True, 1): lags, (True, 2): lags, (False, 3): both, (False, 2): both, (False, 1): 602.0}
         return footing(tuple(more), gains[more[0].what.kind is Kind.LAG, len(more)])
 
@@ -511,7 +512,7 @@ def test_a_lag_is_asked_for_beside_a_slow_error_though_it_foretells_nothing_alon
         for item, trained, held in zip(items, (650.0, 400.0), (600.0, -100.0), strict=True)
     ]
 
-    def together(_: Search, stand: Footing, more: list[Added]) -> Footing:
+    def together(_: Search, stand: Footing, more: Sequence[Added], **_how: float) -> Footing:
         return replace(stand, held=both if len(more) > 1 else more[0].held, added=tuple(more))
 
     search, better = searched(monkeypatch, stand, dict(zip(items, found, strict=True)), together)
@@ -596,7 +597,7 @@ def test_a_slow_error_of_a_sensor_does_not_stand_for_its_lag(
         footing((Added(what=item, trained=held, held=held),), held) for item, held in zip(items, alone, strict=True)
     ]
 
-    def together(_: Search, stand: Footing, more: list[Added]) -> Footing:
+    def together(_: Search, stand: Footing, more: Sequence[Added], **_how: float) -> Footing:
         asked = {item.what for item in more}
         lags = {item for item in asked if item.kind is Kind.LAG}
         gains = {frozenset(items[2:]): 753.0, frozenset((slow, *items[2:])): both}
@@ -679,7 +680,7 @@ def test_what_gains_nothing_beside_all_recordings_is_not_added(gain: float, monk
     graph, item = parse_model(MODEL, file="m.yaml"), Imperfection(kind=Kind.ABSOLUTE, place="R.e", memory=2.0)
     stand = Footing(graph=graph, values={}, starts={})
 
-    def climbed(stand: Footing, *_: object, few: bool = False) -> Footing:
+    def climbed(stand: Footing, *_: object, few: bool = False, least: float = 0.0) -> Footing:
         held = 50.0 if few else gain
         return replace(stand, held=stand.held + held, added=(Added(what=item, trained=held, held=held),))
 

@@ -18,8 +18,9 @@ import numpy as np
 from faultbond.errors import StructureError
 from faultbond.fit.curves import FOREIGN
 from faultbond.fit.delays import HINT, held_late, late_ones, other_holds
+from faultbond.fit.evidence import CLOSE_ENOUGH
 from faultbond.fit.foothold import Added, Footing, keys_of
-from faultbond.fit.ground import Ground
+from faultbond.fit.ground import NEARLY, Ground
 from faultbond.fit.imperfections import Imperfection, Kind, parameter_name, power_of
 from faultbond.fit.quiet_search import AGAIN, CLOSE, FEWEST, WORTH, Search
 
@@ -37,7 +38,10 @@ def better(search: Search, stand: Footing) -> Footing | None:
     if not (tried := worth_fitting(search, stand)):
         return None
     search.tell(f"fitting {', '.join(item.words for _, item, _ in tried)}")
-    climbed = [ground.climbed(stand, *powers_beside(stand, [item]), item, few=True) for ground, item, _ in tried]
+    climbed: list[Footing] = []
+    for ground, item, _ in tried:
+        least = max([CLOSE_ENOUGH, *(NEARLY * (other.few - stand.few) for other in climbed)])
+        climbed.append(ground.climbed(stand, *powers_beside(stand, [item]), item, few=True, least=least))
     gains = [item.held - stand.held if np.isfinite(item.held) else -np.inf for item in climbed]
     most = max(gains, default=-np.inf)
     if not most >= WORTH:
@@ -265,22 +269,30 @@ def _without_needless(search: Search, stand: Footing, found: Footing, more: Sequ
     definite = [item for item in more if item.what.is_definite]
     needless = [more[0]] if more[0].what.is_slow and len(definite) == len(more) - 1 else []
     for item in (*needless, *(item for item in more[1:] if item.what.by)):
-        others = [known for known in more if known is not item]
+        others = [known for known in found.added[len(stand.added) :] if known.what.key != item.what.key]
         if not others:
             break
         if found.bent.get(item.what.key, 0.0) >= SURE:
             continue
         search.tell(f"fitting {', '.join(known.what.words for known in others)} without {item.what.words}")
-        alone = added_together(search, stand, others)
+        alone = added_together(search, _nearer(stand, found), others, least=WORTH / 3.0)
         if found.held - alone.held < WORTH:
-            found, more = alone, others
+            found = alone
     return found
 
 
-def added_together(search: Search, stand: Footing, more: Sequence[Added]) -> Footing:
-    """Give where imperfections lead together, all recordings considered; each with what it gained by itself."""
+def _nearer(stand: Footing, found: Footing) -> Footing:
+    """Give a footing from which a climb begins where another one has led, without what was found on that way."""
+    return replace(stand, values={name: found.values[name] for name in stand.values}, starts=found.starts)
+
+
+def added_together(search: Search, stand: Footing, more: Sequence[Added], least: float = CLOSE_ENOUGH) -> Footing:
+    """Give where imperfections lead together, all recordings considered; each with what it gained by itself.
+
+    least: nats that a further step of the climb has to bring.
+    """
     items = [item.what for item in more]
-    found = search.ground_with(stand, items).climbed(stand, *items)
+    found = search.ground_with(stand, items).climbed(stand, *items, least=least)
     sizes = {item.what.key: item.what for item in found.added}
     kept = (replace(item, what=sizes[item.what.key]) for item in more)
     return replace(found, added=(*found.added[: len(stand.added)], *kept))

@@ -47,7 +47,8 @@ from faultbond.model.graph import BondGraph, Parameter
 
 TURNS = 15  # steps of a climb that compares
 NEARLY = 0.01  # part of what such a climb has gained, that the next step may bring where it ends
-COARSE = 1e-4  # the same of a climb of all recordings: no model is right in which something is missing
+NEARER = 1e-3  # the same of a climb of all recordings, from where the search goes on
+COARSE = 1e-4  # the same of the first fit: no model is right in which something is missing
 MOST_PART = 0.5  # a relative error is not larger
 LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # samples
 RATES = (0.003, 0.006, 0.012, 0.025, 0.05, 0.1, 0.2, 0.5)  # parts of the largest move of an input, in a sample
@@ -286,8 +287,10 @@ class Ground:
             q = self.with_one(q, item)
         return q
 
-    def climbed(self, stand: Footing, *more: Imperfection, few: bool = False) -> Footing:
+    def climbed(self, stand: Footing, *more: Imperfection, few: bool = False, least: float = CLOSE_ENOUGH) -> Footing:
         """Give where a climb leads that begins where it stands, with further imperfections; perhaps for few records.
+
+        least: nats that a further step has to bring.
 
         Curves begin straight where that is higher: what they are found as, other values had made room for.
         """
@@ -305,7 +308,7 @@ class Ground:
             begin = max(begins, key=lambda point: likelihood_value(plant, records, point))
         anchor = self.begin_of(records, search.begin).starts
         wide = unknowns.widened(self.widths(unknowns))
-        finish = Finish(CLOSE_ENOUGH, NEARLY if few else COARSE)
+        finish = Finish(least, NEARLY if few else NEARER)
         summit = ascend(plant, records, begin, wide, anchor=anchor, turns=TURNS, finish=finish)
         found = unknowns.fill(plant.base, summit.point.values)[0]
         ahead = foretold(plant, search.held, self.begin_of(search.held, search.begin_held), found)

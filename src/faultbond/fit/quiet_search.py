@@ -151,9 +151,10 @@ class Search:
                 break
             self.tell("climbing on")
             further = self.ground(stand.graph).climbed(stand)
-            if not further.trained > stand.trained:
+            gained = further.trained - stand.trained
+            stand = further if gained > 0.0 else stand
+            if not gained >= FEWEST:
                 break
-            stand = further
         return stand
 
     def lasting(self, stand: Footing) -> Footing:

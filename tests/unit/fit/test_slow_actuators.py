@@ -132,13 +132,13 @@ def chosen(gains: Sequence[tuple[Imperfection, float]], monkeypatch: pytest.Monk
     ]
 
     def ground(footing: Footing) -> Any:
-        return SimpleNamespace(climbed=lambda *_, few: footing)
+        return SimpleNamespace(climbed=lambda *_, **_how: footing)
 
     tried = [(ground(footing), item, 9.0) for footing, (item, _) in zip(found, gains, strict=True)]
     monkeypatch.setattr(further, "worth_fitting", lambda *_: tried)
     monkeypatch.setattr(further, "_joint", lambda *_: None)
     monkeypatch.setattr(
-        further, "added_together", lambda _, stand, more: replace(stand, held=more[0].held, added=tuple(more))
+        further, "added_together", lambda _, stand, more, **_how: replace(stand, held=more[0].held, added=tuple(more))
     )
     better = further.better(search, stand)
     assert better is not None
