@@ -375,6 +375,7 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
     so_far = " so far" if found.unfinished else ""
     nothing = f"nothing{so_far} that foretells what was held back better"
     told = under("as good", texts) if found.added else [("", nothing)]
+    told += under("beside", _beside_words(found.added))
     told += under("curves", [_curve_words(graph, item.what) for item in found.added if item.what.by])
     told += under("trusted", _trusted_words(found))
     for label, sizes in (("raised", found.raised), ("lowered", found.lowered)):
@@ -488,6 +489,14 @@ def _trusted_words(found: Quieted) -> list[str]:
         return []
     them = "it" if len(lags) == 1 else "them"
     return [f"{join(lags)}: no fault is sought in {them}, unless the model says `suspect: yes` there"]
+
+
+def _beside_words(added: Sequence[Added]) -> list[str]:
+    """Say of what lost where it was tried alone why it is there."""
+    lost = [item.what.words for item in added if item.held < 0.0 and item.what.kind not in KIND_HOLDS]
+    return (
+        [f"{join(lost)}: by itself no gain for what was held back, but one beside what else was added"] if lost else []
+    )
 
 
 def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:
