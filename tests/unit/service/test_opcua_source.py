@@ -2,6 +2,7 @@
 
 import ast
 import asyncio
+import importlib
 import math
 import re
 import shutil
@@ -10,6 +11,7 @@ import sys
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -29,6 +31,7 @@ from faultbond.service.sources.options import SourceOptions
 asyncua = pytest.importorskip("asyncua", reason="needs asyncua: pip install 'faultbond[opcua]'")
 
 ua = asyncua.ua
+opcua = importlib.import_module("faultbond.service.sources.opcua")
 EXACT = SourceOptions(unencrypted=True, hold={"one": ()}, together=0.0, patience=0.5)
 SOURCE = Path(__file__).parents[3] / "src/faultbond/service/sources/opcua.py"
 PAGE = Path(__file__).parents[3] / "docs/service.md"
@@ -198,6 +201,55 @@ def test_a_node_that_is_not_there_is_told() -> None:
         listened(nothing, lambda found: False, options)
     with pytest.raises(SourceError, match=r"no variable 'u'\. Name the node of u for one"):
         listened(nothing, lambda found: False, EXACT, "/plant?ns=0")
+
+
+@pytest.mark.parametrize("by_name", [True, False])
+def test_an_asset_that_lacks_a_node_is_told_and_the_others_go_on(
+    *, by_name: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It has no data until the server has the node; then all begins anew, and nothing of the others was lost."""
+    monkeypatch.setattr(opcua, "AGAIN", 0.2)
+    nodes = {"one": {name: f"ns=2;s={name}" for name in "uyz"}, "two": {} if by_name else {"u": "ns=2;s=late"}}
+    options = replace(EXACT, nodes=nodes, hold={"one": (), "two": ()})
+    lacked = "no variable 'u'" if by_name else r"ns=2;s=late (u of two) cannot be read: BadNodeIdUnknown"
+
+    async def play() -> tuple[Gathered, str]:
+        port, found = free_port(), Gathered()
+        async with running(port, dict.fromkeys(("yu", "y", "z"), 0.0) if by_name else None) as plant:
+            if by_name:
+                nodes["one"]["u"] = "ns=2;s=yu"
+                plant.variables["u"] = plant.variables["yu"]
+            source = open_source(f"opc.tcp://127.0.0.1:{port}/plant", [subscriber("one"), subscriber("two")], options)
+            async with listening(source, into=found) as task:
+                await three_rows(plant)
+                while not has_time(102.0)(found):
+                    await asyncio.sleep(0.005)
+                folder = await plant.server.nodes.objects.get_child("2:one")
+                name = "u" if by_name else "late"
+                await folder.add_variable(ua.NodeId(name, 2), name, 0.0)
+                with pytest.raises(SourceError) as error:
+                    await asyncio.wait_for(task, WAITS)
+        return found, str(error.value)
+
+    found, ended = asyncio.run(asyncio.wait_for(play(), 3.0 * WAITS))
+    told = {item.asset: item.stale for item in found.arrivals if item.stale is not None}
+    assert told["one"] == ""
+    assert lacked in told["two"]
+    assert {item.asset for item in found.arrivals if len(item.rows)} == {"one"}
+    assert ended.endswith("/plant: it has all of two by now.")
+
+
+@pytest.mark.parametrize(
+    ("told", "reason"),
+    [
+        ({"flo": "ns=2;s=u"}, "one: nodes: flo is no column of the asset. There are u, y, z."),
+        ({"u": "Tank.u"}, "one: nodes: u: 'Tank.u' is no node. Write it like ns=2;s=Tank.level or ns=2;i=7."),
+    ],
+)
+def test_what_can_be_no_node_is_refused_before_anything_is_connected(told: dict[str, str], reason: str) -> None:
+    """So `serve --check` says it too."""
+    with pytest.raises(FaultbondError, match=re.escape(reason)):
+        open_source("opc.tcp://127.0.0.1:4840", [subscriber("one")], replace(EXACT, nodes={"one": told}))
 
 
 def test_a_server_that_was_stopped_is_lost_and_found() -> None:

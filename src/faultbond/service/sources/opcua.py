@@ -38,6 +38,7 @@ GOODBYE = 3.0  # s for it to take leave
 DEEPEST, MOST_NODES = 8, 20_000  # of a search by name
 OVERFLOW_BITS = 0x480  # of a status: the server has dropped values before this one
 OVERFLOW = "overflow"
+AGAIN = 30.0  # s after which it is asked again for what an asset lacks
 PERIOD = 0.02  # s: what comes at 100 Hz is on the page as soon as by MQTT; where less comes, fewer messages do
 LOST = (UaError, OSError, asyncio.TimeoutError, ConnectionError)
 
@@ -69,10 +70,16 @@ class OpcUaSource:
     server : where they come from
     subscribers : the assets
     options : which node is which column, and how values become rows
+
+    Raises
+    ------
+    FaultbondError
+        Where a node is told of what is no column, or is none.
     """
 
     def __init__(self, server: Server, subscribers: Sequence[Subscriber], options: SourceOptions) -> None:
         self._server, self._subscribers, self._options = server, tuple(subscribers), options
+        self._told = {item.asset: _told_nodes(item, options.nodes.get(item.asset, {})) for item in subscribers}
         self._queue = ArrivalQueue(subscribers, options.most_waiting)
 
     @property
@@ -86,18 +93,23 @@ class OpcUaSource:
         Raises
         ------
         FaultbondError
-            A `SourceError`, where the server cannot be reached, refuses, lacks a node, or has been lost.
+            A `SourceError`, where the server cannot be reached, refuses, lacks a node of each asset, or has been lost;
+            and where it has by now what only some lacked, which are told as stale until then.
         """
         intakes = {item.asset: Intake(item, self._options, self._queue) for item in self._subscribers}
         reason: BaseException | None = None
         try:
             async with AsyncExitStack() as stack:
                 client = await self._connected(stack)
-                taking = await self._taking(client, intakes, stack)
+                taking, lacking = await self._taking(client, intakes, stack)
                 yield connected(self._subscribers[0])
+                again = asyncio.get_running_loop().time() + AGAIN
                 while not (await asyncio.wait({taking}, timeout=GATHER))[0]:
                     for found in self._queue.drain():
                         yield found
+                    if lacking and asyncio.get_running_loop().time() >= again:
+                        await self._ask_again(client, lacking)
+                        again = asyncio.get_running_loop().time() + AGAIN
                 reason = taking.exception()
         except LOST as error:
             reason = error
@@ -144,10 +156,11 @@ class OpcUaSource:
 
     async def _taking(
         self, client: Client, intakes: Mapping[str, Intake], stack: AsyncExitStack
-    ) -> "asyncio.Task[None]":
-        """Subscribe to all nodes, and give the task that takes their values until they end."""
+    ) -> tuple["asyncio.Task[None]", dict[str, Intake]]:
+        """Subscribe to all nodes; give the task that takes their values until they end, and assets that lack some."""
+        found, lacking = await self._nodes(client, intakes)
         targets: dict[ua.NodeId, list[tuple[Intake, str]]] = {}
-        for asset, nodes in (await self._nodes(client, intakes)).items():
+        for asset, nodes in found.items():
             for column, node in nodes.items():
                 targets.setdefault(node, []).append((intakes[asset], column))
         subscription = await client.create_subscription(
@@ -155,29 +168,53 @@ class OpcUaSource:
         )
         answers = await _watched(subscription, list(targets))
         for node, answer in zip(targets, answers, strict=True):
-            if isinstance(answer, ua.StatusCode):
-                intake, column = targets[node][0]
+            if not isinstance(answer, ua.StatusCode):
+                continue
+            for intake, column in targets[node]:
                 told = f"{node.to_string()} ({column} of {intake.asset}) cannot be read: {answer.name}"
-                raise SourceError(f"{self._server.shown}: {told}.")
-        task = asyncio.create_task(_take(subscription, targets))
+                lacking.setdefault(intake.asset, f"{self._server.shown}: {told}.")
+        if len(lacking) == len(intakes):
+            raise SourceError(next(iter(lacking.values())))
+        for asset, why in lacking.items():
+            intakes[asset].tell_stale(why)
+        for asset in intakes.keys() - lacking.keys():
+            intakes[asset].tell_stale("")
+        of = {node: [item for item in takes if item[0].asset not in lacking] for node, takes in targets.items()}
+        task = asyncio.create_task(_take(subscription, of))
         stack.push_async_callback(_given_up, task)
-        return task
+        return task, {asset: intakes[asset] for asset in lacking}
 
-    async def _nodes(self, client: Client, intakes: Mapping[str, Intake]) -> dict[str, dict[str, ua.NodeId]]:
-        """Give the node of each column of each asset: as it is told, else by its name."""
-        found: dict[str, dict[str, ua.NodeId]] = {}
+    async def _ask_again(self, client: Client, lacking: Mapping[str, Intake]) -> None:
+        """End the connection where the server has by now what an asset lacked.
+
+        Raises
+        ------
+        SourceError
+            Which asset has it.
+        """
+        for asset, nodes in (await self._nodes(client, lacking))[0].items():
+            answers = await client.read_attributes([client.get_node(node) for node in nodes.values()])
+            if not any(isinstance(item.StatusCode, ua.StatusCode) and item.StatusCode.is_bad() for item in answers):
+                raise SourceError(f"{self._server.shown}: it has all of {asset} by now.")
+
+    async def _nodes(
+        self, client: Client, intakes: Mapping[str, Intake]
+    ) -> tuple[dict[str, dict[str, ua.NodeId]], dict[str, str]]:
+        """Give the node of each column of each asset, as it is told, else by its name; and what assets lack."""
+        found, lacking = dict[str, dict[str, ua.NodeId]](), dict[str, str]()
         by_name: dict[str, list[tuple[tuple[str, ...], ua.NodeId]]] | None = None
         for asset, intake in intakes.items():
-            told = self._options.nodes.get(asset, {})
-            found[asset] = {}
-            for column in intake.columns:
-                if column in told:
-                    found[asset][column] = ua.NodeId.from_string(told[column])
-                    continue
-                if by_name is None:
-                    by_name = await self._browsed(client, {name for item in intakes.values() for name in item.columns})
-                found[asset][column] = self._chosen(asset, column, by_name.get(column, []))
-        return found
+            nodes = dict(self._told[asset])
+            asked = [name for name in intake.columns if name not in nodes]
+            if asked and by_name is None:
+                by_name = await self._browsed(client, {name for item in intakes.values() for name in item.columns})
+            try:
+                nodes |= {name: self._chosen(asset, name, (by_name or {}).get(name, [])) for name in asked}
+            except SourceError as error:
+                lacking[asset] = str(error)
+            else:
+                found[asset] = nodes
+        return found, lacking
 
     def _chosen(self, asset: str, column: str, nodes: Sequence[tuple[tuple[str, ...], ua.NodeId]]) -> ua.NodeId:
         """Give the one node that has the name of a column; of several the one below the name of the asset."""
@@ -210,6 +247,23 @@ class OpcUaSource:
                     below.append(((*path, name), client.get_node(target)))
             level = below
         return found
+
+
+def _told_nodes(subscriber: Subscriber, told: Mapping[str, str]) -> dict[str, ua.NodeId]:
+    """Give the nodes of the columns of which they are told."""
+    columns = [item.header for item in (*subscriber.columns.inputs, *subscriber.columns.outputs)]
+    found = {}
+    for column, text in told.items():
+        where = f"{subscriber.asset}: nodes: {column}"
+        if column not in columns:
+            raise FaultbondError(f"{where} is no column of the asset. There are {', '.join(dict.fromkeys(columns))}.")
+        try:
+            found[column] = ua.NodeId.from_string(text)
+        except UaError as error:
+            raise FaultbondError(
+                f"{where}: {text!r} is no node. Write it like ns=2;s=Tank.level or ns=2;i=7."
+            ) from error
+    return found
 
 
 async def _watched(subscription: Subscription, nodes: Sequence[ua.NodeId]) -> list[int | ua.StatusCode]:

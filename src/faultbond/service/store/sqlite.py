@@ -50,6 +50,7 @@ class SqliteDatabase:
     ) -> None:
         self.name, self.writes = str(path), writes
         self._path = path
+        self._files: list[tuple[int, int] | None] = [None, None]  # known from the first transaction on
         if not writes and not path.is_file():
             raise AbsentStoreError(f"{path}: there is no such store. Name the file that `faultbond serve` writes.")
         self._lock = StoreLock(path) if writes else None
@@ -122,6 +123,14 @@ class SqliteDatabase:
         StoreError
             Where it cannot be written; then nothing was.
         """
+        found = self._found_files()
+        if any(now != known is not None for now, known in zip(found, self._files, strict=True)):
+            # SQLite would go on writing into what has no name any more.
+            raise StoreError(
+                f"{self._path}: the store was removed, moved or replaced while the service has it. Put it back, with "
+                "the files beside it, or start the service again, which begins a new one."
+            )
+        self._files = found
         with self.told():
             self._connection.execute("BEGIN IMMEDIATE")
             try:
@@ -197,6 +206,18 @@ class SqliteDatabase:
     def settle(self) -> None:
         """Bring all transactions from their own file into that of the store, so that it takes no room any more."""
         self.rows("PRAGMA wal_checkpoint(TRUNCATE)")
+
+    def _found_files(self) -> list[tuple[int, int] | None]:
+        """Give which files have the names of the store and of its transactions now; None: none has."""
+        found: list[tuple[int, int] | None] = []
+        for path in (self._path, self._path.with_name(f"{self._path.name}-wal")):
+            try:
+                seen = path.stat()
+            except OSError:
+                found.append(None)
+            else:
+                found.append((seen.st_dev, seen.st_ino))
+        return found
 
     def _release(self) -> None:
         """Let another service have it."""

@@ -134,6 +134,25 @@ def test_a_file_that_may_not_grow(tmp_path: Path) -> None:
     store.close()
 
 
+@pytest.mark.parametrize("suffix", ["", "-wal"])
+def test_a_file_that_somebody_removes(tmp_path: Path, suffix: str) -> None:
+    """Nothing is acknowledged that would be in no file; what is put back goes on."""
+    path = tmp_path / "plant.db"
+    store = filled(path, 300)
+    gone = tmp_path / f"plant.db{suffix}"
+    gone.rename(tmp_path / "elsewhere")
+    for _ in range(2):
+        with pytest.raises(StoreError, match="was removed, moved or replaced") as error:
+            store.commit([batch(300, 10)])
+        one_line(error, path)
+    (tmp_path / "elsewhere").rename(gone)
+    store.commit([batch(300, 100)])
+    store.close()
+    again = open_store(path)
+    assert flat(again.log_after("pump", 0, 0)) == flat([some_rows(0, 400)])
+    again.close()
+
+
 @pytest.mark.skipif(IS_ROOT, reason="nothing is forbidden to this user")
 def test_a_folder_that_may_not_be_written(tmp_path: Path) -> None:
     """Where the folder cannot be written, there is no store for a service; what is there can be read."""
