@@ -317,23 +317,32 @@ class Service:
             delay = min(2.0 * delay, LONGEST_DELAY)
 
     async def _work(self, worker: ThreadPoolExecutor) -> None:
-        """Pass items on to the assets, write what came of them, and tell it."""
-        loop = asyncio.get_running_loop()
+        """Take what comes; what is in the store when all is to end is told yet, as nobody tells it later."""
         while True:
-            items = await self._gathered()
-            begun, n_rows = time.monotonic(), sum(map(_n_rows, items))
-            done, error = await loop.run_in_executor(worker, self._take, items)
-            if n_rows:
-                fitting = n_rows * LONGEST_TURN / max(time.monotonic() - begun, 1e-6)
-                self._most_rows = int(min(max(fitting, 1.0), MOST_ROWS))
-            if error is not None:
-                await self._settle(worker, items, error)
-            self._answer(items, done)
-            if self._hub.n_listeners:
-                await self._tell(worker, done)
-            for item in items:
-                if isinstance(item, Arrivals):
-                    self._fed[item.asset].pending -= 1
+            turn = asyncio.create_task(self._pass_on(worker, await self._gathered()))
+            try:
+                await asyncio.shield(turn)
+            except asyncio.CancelledError:
+                if not self._kept.trouble:
+                    await asyncio.wait([turn], timeout=LONGEST_STEP)
+                turn.cancel()
+                raise
+
+    async def _pass_on(self, worker: ThreadPoolExecutor, items: Sequence[Arrivals | _Wish]) -> None:
+        """Pass items on to the assets, write what came of them, and tell it."""
+        begun, n_rows = time.monotonic(), sum(map(_n_rows, items))
+        done, error = await asyncio.get_running_loop().run_in_executor(worker, self._take, items)
+        if n_rows:
+            fitting = n_rows * LONGEST_TURN / max(time.monotonic() - begun, 1e-6)
+            self._most_rows = int(min(max(fitting, 1.0), MOST_ROWS))
+        if error is not None:
+            await self._settle(worker, items, error)
+        self._answer(items, done)
+        if self._hub.n_listeners:
+            await self._tell(worker, done)
+        for item in items:
+            if isinstance(item, Arrivals):
+                self._fed[item.asset].pending -= 1
 
     async def _tell(self, worker: ThreadPoolExecutor, done: Sequence[Done]) -> None:
         """Tell what was done, once the store can be read for that; who listens misses what else cannot be told."""

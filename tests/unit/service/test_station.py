@@ -1,6 +1,7 @@
 """The service at work: sources that fail and come back, a store that does, people, and who listens."""
 
 import asyncio
+import threading
 import time
 from collections.abc import AsyncGenerator, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -236,6 +237,31 @@ def test_a_store_that_cannot_be_written_stops_nothing_and_loses_nothing(monkeypa
         assert [item.action for item in store.deeds()] == [Action.SUPPRESS]
 
     play(Played(store, last=300), course)
+
+
+def test_what_is_written_as_all_ends_is_told_yet() -> None:
+    """Nobody tells it after the next start: it is in the store by then, and what follows begins behind it."""
+    told, written = list[str](), threading.Event()
+
+    class Slow(MemoryStore):
+        """One that takes its time once a record is in it."""
+
+        def commit(self, parts: Sequence[Commit]) -> None:
+            super().commit(parts)
+            if any(part.records for part in parts):
+                written.set()
+                time.sleep(0.2)
+
+    def hear(done: Any) -> None:
+        told.extend(item.id for item in done.outcome.records)
+
+    async def course(played: Played) -> None:
+        await played.until(written.is_set)
+
+    store = Slow()
+    play(Played(store, hear=hear), course)
+    assert written.is_set()
+    assert told == [item.id for item in store.records()]
 
 
 def test_a_disk_that_is_almost_full_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
