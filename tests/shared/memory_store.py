@@ -4,6 +4,7 @@ import copy
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from math import inf, isnan, nan
 
 import numpy as np
@@ -39,6 +40,7 @@ class MemoryStore:
         self.newest: dict[str, str] = {}
         self.order: list[tuple[str, str]] = []
         self.came: list[tuple[NamedRecord | Deed, float]] = []
+        self.lost: set[int] = set()  # places there of what is forgotten
         self.contested: list[tuple[str, object]] = []
         self.places: dict[str, int] = {}
         self.noted: list[AuditEntry] = []
@@ -91,7 +93,8 @@ class MemoryStore:
     def _tell(
         self, item: NamedRecord, came: list[tuple[NamedRecord | Deed, float]], contested: list[tuple[str, object]]
     ) -> None:
-        before = [other for other, _ in came if isinstance(other, NamedRecord) and other.id == item.id]
+        known = (other for k, (other, _) in enumerate(came) if k not in self.lost)
+        before = [other for other in known if isinstance(other, NamedRecord) and other.id == item.id]
         content = json.loads(json.dumps(item.content))
         if not before:
             came.append((replace(item, content=content), item.time))
@@ -154,11 +157,13 @@ class MemoryStore:
         return iter(self.noted)
 
     def reader(self, name: str) -> tuple[int, int]:
-        newest = len(list(self.records()))
+        newest = sum(isinstance(item, NamedRecord) for item, _ in self.came)
         return self.places.setdefault(name, newest), newest
 
     def records_behind(self, number: int, most: int) -> list[tuple[int, NamedRecord]]:
-        return list(enumerate(self.records(), 1))[number : number + most]
+        told = ((k, item) for k, (item, _) in enumerate(self.came) if isinstance(item, NamedRecord))
+        kept = [(n, item) for n, (k, item) in enumerate(told, 1) if k not in self.lost and n > number]
+        return kept[:most]
 
     def advance(self, name: str, number: int) -> None:
         self.places[name] = number
@@ -176,7 +181,8 @@ class MemoryStore:
         end: float | None = None,
         newest: int | None = None,
     ) -> Iterator[NamedRecord | Deed]:
-        found = [item for item, time in self.came if asset in (None, item.asset) and _inside(time, begin, end)]
+        kept = (item for k, item in enumerate(self.came) if k not in self.lost)
+        found = [item for item, time in kept if asset in (None, item.asset) and _inside(time, begin, end)]
         found = [item for item in found if isinstance(item, Deed) or not kinds or item.kind in kinds]
         if newest is None:
             return iter(found)
@@ -197,6 +203,10 @@ class MemoryStore:
         return found if most is None else thinned(found, most)
 
     def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> Forgotten:
+        gone = self.forget_rows(older_than=older_than, at_most=at_most)
+        return replace(gone, diagnoses=self.forget_diagnoses())
+
+    def forget_rows(self, *, older_than: float | None = None, at_most: int | None = None) -> Forgotten:
         """Forget by age what may go; at_most: all that may go, unless it is larger than any store."""
         limit = -inf if older_than is None else older_than
         if at_most is not None and at_most < 2**40:
@@ -211,6 +221,20 @@ class MemoryStore:
                 if point is not None and point[0] < limit:
                     log.points[k], points = None, points + 1
         return Forgotten(rows=rows, points=points)
+
+    def forget_diagnoses(self) -> int:
+        """Forget those of an asset from before its first row, but for the last of each alarm."""
+        before = len(self.lost)
+        for asset in self.newest:
+            rows = [row for key, log in self.logs.items() if key[0] == asset for row in log.rows if row is not None]
+            begin = min((row[1].time for row in rows if not isnan(row[1].time)), default=inf)
+            told = [(k, item) for k, (item, _) in enumerate(self.came) if item.asset == asset and k not in self.lost]
+            for (k, item), (_, following) in pairwise([(k, x) for k, x in told if isinstance(x, NamedRecord)]):
+                if item.kind == "diagnosis" and item.time >= begin:
+                    break
+                if item.kind == following.kind == "diagnosis":
+                    self.lost.add(k)
+        return len(self.lost) - before
 
     def reserve(self) -> str:
         return ""

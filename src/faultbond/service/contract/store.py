@@ -59,15 +59,19 @@ class Enrolment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Forgotten:
-    """What a call let go. rows: of logs. points: of curves. is_any: whether anything went, so that more may be left."""
+    """What a call let go. rows: of logs. points: of curves. is_any: whether anything went, so that more may be left.
+
+    diagnoses: those of rows that are forgotten, but for the last of each alarm.
+    """
 
     rows: int = 0
     points: int = 0
+    diagnoses: int = 0
 
     @property
     def is_any(self) -> bool:
         """Whether anything went."""
-        return self.rows + self.points > 0
+        return self.rows + self.points + self.diagnoses > 0
 
 
 class LogStore(Protocol):
@@ -165,7 +169,7 @@ class LogStore(Protocol):
         """Give curves of a period, None where there are none; of more than `most` points those that show all peaks."""
 
     def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> Forgotten:
-        """Forget rows and curves, never records or deeds, and give what went.
+        """Forget rows and curves, and diagnoses of rows that are forgotten, but the last of each alarm; give what went.
 
         Those go that arrived before a time, and the oldest of a store that has more than `at_most` bytes, until it is
         a little smaller than that. What the newest checkpoint needs stays. Where much has to go, a call lets some of it

@@ -217,7 +217,7 @@ class RelationalStore:
         return found if most is None else thinned(found, most)
 
     def retain(self, *, older_than: float | None = None, at_most: int | None = None) -> Forgotten:
-        """Forget rows and curves, never records or deeds, and give what went; see `contract.store.LogStore`.
+        """Forget rows, curves and diagnoses of these, never another record or a deed; see `contract.store.LogStore`.
 
         A large chunk goes as a whole, once all of it may go. So does what the oldest checkpoint that is kept needs.
         """

@@ -157,7 +157,7 @@ class AnySequence(RuleBasedStateMachine):
         """Rows that may stay are those that share a chunk with one that has to."""
         before = {key: ([*log.rows], [*log.points]) for key, log in self.slow.logs.items()}
         gone = self.store.retain(older_than=older_than).rows
-        self.slow.retain(older_than=older_than)
+        self.slow.forget_rows(older_than=older_than)  # diagnoses go with the rows that do
         newest = {**self.slow.newest}
         for (asset, model), log in self.slow.logs.items():
             self.store.enrol(log.enrolment)  # curves are given of the newest log alone
@@ -172,6 +172,7 @@ class AnySequence(RuleBasedStateMachine):
             assert all(point is None or float(point[1].time[0]) in times for point in log.points)
             log.points = [point if point is not None and float(point[1].time[0]) in times else None for point in points]
         assert gone == 0
+        self.slow.forget_diagnoses()
         for key in newest.items():
             self.store.enrol(self.slow.logs[key].enrolment)
 

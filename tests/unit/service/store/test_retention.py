@@ -66,6 +66,32 @@ def test_forgetting_by_age(store: RelationalStore) -> None:
     assert len([item for item in flat(store.log_after("pump", 4000, 0)) if isinstance(item, tuple)]) == 6100
 
 
+def test_diagnoses_go_with_their_rows(store: RelationalStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    """But the last of each alarm, and none of rows that are kept; numbers of those that stay are as before."""
+    monkeypatch.setattr(retention, "DIAGNOSES", 3)
+    kinds = {100: "detection", 1900: "accepted", 2000: "detection"}
+    for first in range(0, 6000, 50):
+        record = told("pump", first, kinds.get(first, "diagnosis"))
+        store.commit([Commit(asset="pump", rows=some_rows(first, 50), arrived=float(first), records=(record,))])
+    store.commit([Commit(asset="pump", checkpoint=b"state")])
+    store.enrol(enrolment("fan"))
+    store.commit([Commit(asset="fan", records=tuple(told("fan", k, "diagnosis") for k in (1, 2)))])
+    names = {number: item.id for number, item in store.records_behind(0, 1000)}
+    assert store.retain(older_than=4500.0) == Forgotten(rows=4000, diagnoses=1 + 34 + 39 + 1)
+    kept = [(item.sample, item.kind) for item in store.records("pump")]
+    assert kept[:5] == [
+        (50, "diagnosis"),
+        (100, "detection"),
+        (1850, "diagnosis"),
+        (1900, "accepted"),
+        (1950, "diagnosis"),
+    ]
+    assert kept[5:] == [(2000, "detection"), *((first, "diagnosis") for first in range(4000, 6000, 50))]
+    assert [item.sample for item in store.records("fan")] == [2]
+    assert all(names[number] == item.id for number, item in store.records_behind(0, 1000))
+    assert store.retain(older_than=4500.0) == Forgotten()
+
+
 def test_what_checkpoints_need_stays(store: RelationalStore) -> None:
     """Without a checkpoint all rows stay, whatever is asked for; with some, those behind the oldest that is kept."""
     store.commit([Commit(asset="pump", rows=some_rows(0, 5000), curves=some_curves(0, 5000))])
