@@ -6,6 +6,7 @@ import math
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,39 @@ def test_an_object_is_a_row(broker: Mosquitto) -> None:
     ]
     np.testing.assert_allclose(found.rows(), expected)
     assert found.counts() == {"bad": 1}
+
+
+@pytest.mark.parametrize("session", [False, True])
+def test_what_comes_while_nobody_listens_is_kept_where_it_is_asked_for(broker: Mosquitto, *, session: bool) -> None:
+    """For a client with a name, from the first time on that it was there."""
+    more = "&session=1" if session else ""
+
+    async def play() -> Gathered:
+        address = f"mqtt://127.0.0.1:{broker.port}/plant/#?client=tank{more}"
+        async with aiomqtt.Client("127.0.0.1", broker.port) as client:
+            for k in range(3):
+                row = json.dumps({"time": 10.0 + k, "u": 50, "y": 2.5, "z": 20})
+                if k == 1:
+                    await client.publish("plant/one", row, qos=1)
+                    continue
+                source = open_source(address, (subscriber(),), HOLDS)
+                async with listening(source, partial(has_come, 10.0 + k)) as task:
+                    await client.publish("plant/one", row, qos=1)
+                    found = await asyncio.wait_for(task, WAITS)
+        return found
+
+    found = asyncio.run(asyncio.wait_for(play(), 3.0 * WAITS))
+    assert times(found) == ([11.0, 12.0] if session else [12.0])
+
+
+def has_come(time: float, found: Gathered) -> bool:
+    """Whether a row of a time has."""
+    return time in times(found)
+
+
+def times(found: Gathered) -> list[float]:
+    """The times of all rows."""
+    return [float(time) for item in found.arrivals for time in item.rows.time]
 
 
 def test_values_of_topics_become_rows(broker: Mosquitto) -> None:
@@ -295,6 +329,8 @@ def test_twenty_signals_at_a_hundred_hertz(broker: Mosquitto, *, one_by_one: boo
         ("mqtt://host/a#", "'a#' is no topic"),
         ("mqtt://host/#/a", "'#/a' is no topic"),
         ("mqtt://host:port/a", "host or port cannot be read"),
+        ("mqtt://host/a?session=1", r"session=1: the broker knows by client=NAME"),
+        ("mqtt://host/a?session=1&client=x&qos=0", r"keeps none of qos=0"),
         ("mqtt://host/a?qos=3", "expected 0, 1 or 2"),
         ("mqtt://me:secret@host/a?patience=-1", "source mqtt://me:***@host/a: patience=-1"),
     ],

@@ -33,7 +33,8 @@ REFUSED = 128  # lowest reason code of a subscription that says no
 class Broker:
     """Where messages come from. tls: None where the traffic may be read by others. shown: without the password.
 
-    has_births: whether it is asked for births of Sparkplug B that it may have kept.
+    has_births: whether it is asked for births of Sparkplug B that it may have kept. session: whether it keeps for the
+    client what comes while that is away.
     """
 
     host: str
@@ -45,6 +46,7 @@ class Broker:
     qos: int = 1
     tls: ssl.SSLContext | None = None
     has_births: bool = True
+    session: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,6 +104,7 @@ class MqttSource:
             username=broker.user,
             password=broker.password,
             identifier=broker.client,
+            clean_session=not broker.session,
             tls_context=broker.tls,
             keepalive=KEEP_ALIVE,
             timeout=TIMEOUT,

@@ -199,7 +199,7 @@ def _file(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
 
 
 def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], options: SourceOptions) -> LiveSource:
-    asked = _Asked(place, settings, ("births", "client", "qos", "patience", "together"))
+    asked = _Asked(place, settings, ("births", "client", "qos", "session", "patience", "together"))
     scheme, _, rest = place.partition("://")
     host, port, user, password = _log_in(asked, rest.partition("/")[0], options)
     filters = topic_filters(place, [item.asset for item in subscribers], options)
@@ -213,6 +213,11 @@ def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
     qos = asked.whole("qos", 1)
     if qos not in (0, 1, 2):
         raise asked.mistake(f"qos={qos}: expected 0, 1 or 2.")
+    session = asked.flag("session", default=False)
+    if session and not (asked.text("client") and qos):
+        raise asked.mistake(
+            "session=1: the broker knows by client=NAME for whom it keeps messages, and keeps none of qos=0."
+        )
     options = _policy(asked, options, subscribers)
     tls = _tls(asked, options) if scheme.lower() == "mqtts" else None
     try:
@@ -229,6 +234,7 @@ def _mqtt(place: str, settings: Details, subscribers: Sequence[Subscriber], opti
         qos=qos,
         tls=tls,
         has_births=asked.flag("births", default=True),
+        session=session,
     )
     return MqttSource(broker, filters, subscribers, options, _edge_nodes(asked, filters))
 
