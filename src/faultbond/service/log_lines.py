@@ -16,7 +16,7 @@ from typing import TextIO
 from faultbond.errors import one_line, plain
 
 JOURNAL = "JOURNAL_STREAM"  # the variable by which systemd names the file behind standard error
-OURS = "faultbond"
+OURS, OPC_UA = "faultbond", "asyncua"
 PRIORITIES = {logging.CRITICAL: 2, logging.ERROR: 3, logging.WARNING: 4, logging.INFO: 6, logging.DEBUG: 7}
 
 
@@ -63,17 +63,21 @@ def usual_form(stream: TextIO, environment: Mapping[str, str] = os.environ) -> L
 
 @contextmanager
 def logged(form: LogForm | None = None) -> Iterator[None]:
-    """Write what happens inside to standard error: of ours all but details, of packages what is wrong."""
+    """Write what happens inside to standard error: of ours all but details, of packages what is wrong.
+
+    Of a server that is not there or answers oddly asyncua warns several times at each try; we say so once.
+    """
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(LogLines(form or usual_form(sys.stderr)))
-    root, ours = logging.getLogger(), logging.getLogger(OURS)
-    before, level = root.level, ours.level
+    root = logging.getLogger()
+    levels = {"": logging.WARNING, OURS: logging.INFO, OPC_UA: logging.ERROR}
+    before = {name: logging.getLogger(name).level for name in levels}
     root.addHandler(handler)
-    root.setLevel(logging.WARNING)
-    ours.setLevel(logging.INFO)
+    for name, level in levels.items():
+        logging.getLogger(name).setLevel(level)
     try:
         yield
     finally:
         root.removeHandler(handler)
-        root.setLevel(before)
-        ours.setLevel(level)
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)

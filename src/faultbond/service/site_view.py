@@ -14,13 +14,13 @@ from faultbond.service.asset import RECENT, Asset
 from faultbond.service.asset_status import AssetStatus, asset_status
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import Arrivals, Monitoring
+from faultbond.service.contract.part import ServicePart
 from faultbond.service.contract.store import LogStore
 from faultbond.service.shown import EVENTS, asset_of, curves_of, journal_of, measures_of, summary_of
 from faultbond.service.sinks.measures import AssetMeasures
 from faultbond.service.site import Site
 from faultbond.service.site_log import Done, SiteLog
 from faultbond.service.sources.queue import DROPPED
-from faultbond.service.supervisor import ServicePart
 
 JOURNAL = 200  # newest deeds, and events, that are shown
 REGULAR = 5  # times between values of sensors from which their pace is known

@@ -15,6 +15,7 @@ from faultbond.errors import SourceError, StoreError
 from faultbond.report.numbers import clock_text, duration_text
 from faultbond.service.contract.face import Request, Shown
 from faultbond.service.contract.messages import Action, Arrivals, AuditEntry, Deed
+from faultbond.service.contract.part import ServicePart
 from faultbond.service.contract.sink import Sink
 from faultbond.service.contract.source import LiveSource, Subscriber
 from faultbond.service.contract.store import Forgotten, LogStore
@@ -27,7 +28,7 @@ from faultbond.service.sinks.openmetrics import exposition
 from faultbond.service.site import Site
 from faultbond.service.site_log import AssetPlan, Done, SiteLog
 from faultbond.service.site_view import SiteView
-from faultbond.service.supervisor import RestartPolicy, ServicePart, supervise
+from faultbond.service.supervisor import RestartPolicy, supervise
 from faultbond.service.wall_clock import WallClock
 
 MOST_WAITING = 1000  # arrivals and deeds between the sources and the worker; more wait in the sources

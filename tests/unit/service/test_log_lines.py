@@ -24,6 +24,7 @@ def said(form: LogForm, monkeypatch: pytest.MonkeyPatch) -> list[str]:
         OURS.info("it works")
         OTHERS.info("a detail")
         OTHERS.warning("it is late")
+        logging.getLogger("asyncua.client.client").warning("nobody needs this")
         try:
             raise ValueError("pump\x1b[2J")
         except ValueError:
@@ -33,7 +34,7 @@ def said(form: LogForm, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_lines_for_people(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With time and level; of other packages what is wrong only; nothing steers the terminal."""
+    """With time and level; of other packages what is wrong only, of asyncua errors; nothing steers the terminal."""
     lines = said(LogForm.PLAIN, monkeypatch)
     assert [line.partition(" UTC ")[2] for line in lines[:3]] == [
         "info: it works",

@@ -240,7 +240,7 @@ def test_the_log_is_written_as_asked(tmp_path: Path) -> None:
         process.send_signal(signal.SIGTERM)
         _, complained = process.communicate(timeout=LONGEST)
     (told,) = map(json.loads, complained.splitlines())
-    assert (told["level"], told["logger"]) == ("warning", "faultbond.service.supervisor")
+    assert (told["level"], told["logger"]) == ("warning", "faultbond.service.contract.part")
     assert told["message"].startswith(f"file:{tmp_path / 'absent.csv'}: ")
 
 

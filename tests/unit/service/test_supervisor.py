@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from faultbond.service.supervisor import RestartPolicy, ServicePart, supervise
+from faultbond.service.contract.part import ServicePart
+from faultbond.service.supervisor import RestartPolicy, supervise
 
 QUICK = RestartPolicy(most=2, within=10.0, delay=0.001, longest=0.002)
 ascending = st.lists(st.floats(0.0, 1e6), min_size=1, max_size=12).map(sorted)

@@ -16,6 +16,7 @@ from contextlib import suppress
 from faultbond.errors import FaultbondError, RefusedError, SinkError, StoreError
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import NamedRecord
+from faultbond.service.contract.part import ServicePart
 from faultbond.service.contract.sink import Link, Sink
 from faultbond.service.contract.store import LogStore
 from faultbond.service.sinks.outbox import Outbox
@@ -32,7 +33,7 @@ _LOG = logging.getLogger(__name__)
 class Delivery:
     """One sink at work.
 
-    trouble: why it tells nothing now; empty: it does, or nothing was to be told yet. since: of that, Unix s.
+    part: whether it tells, or why it does not; it does, too, where nothing was to be told yet.
     counts: records told and given up, summaries told, and how often the sink was lost.
 
     Parameters
@@ -44,7 +45,7 @@ class Delivery:
 
     def __init__(self, sink: Sink, outbox: Outbox, clock: Callable[[], float]) -> None:
         self.sink, self._outbox, self._clock = sink, outbox, clock
-        self.trouble, self.since = "", clock()
+        self.part = ServicePart(name=sink.address, since=clock())
         self.counts = Counter[str]()
         self._delay = FIRST_DELAY
         self._known: dict[str, Shown] = {}
@@ -57,9 +58,9 @@ class Delivery:
     def health(self) -> Shown:
         """Tell whether it works, since when it does or does not, and what it told."""
         return {
-            "ok": not self.trouble,
-            "trouble": self.trouble,
-            "since": self.since,
+            "ok": not self.part.trouble,
+            "trouble": self.part.trouble,
+            "since": self.part.since,
             "told": self.counts["told"],
             "given_up_records": self.counts["given up"],
             "behind": self._outbox.behind,
@@ -154,19 +155,16 @@ class Delivery:
 
     def _is_hopeless(self) -> bool:
         limit = self.sink.give_up
-        return limit is not None and bool(self.trouble) and self._clock() - self.since > limit
+        return limit is not None and bool(self.part.trouble) and self._clock() - self.part.since > limit
 
     def _note_trouble(self, error: Exception) -> None:
         why = str(error) if isinstance(error, FaultbondError) else f"{type(error).__name__}: {error}"
-        if not self.trouble:
-            self.since = self._clock()
-            _LOG.warning("%s", why)
-        self.trouble, self._is_of_store = why, isinstance(error, StoreError)
+        self.part.fails(why, self._clock())
+        self._is_of_store = isinstance(error, StoreError)
         self.counts["lost"] += 1
 
     def _note_success(self) -> None:
-        if self.trouble:
-            self.trouble, self.since = "", self._clock()
+        self.part.works(self._clock())
         self._delay, self._is_of_store = FIRST_DELAY, False
 
 

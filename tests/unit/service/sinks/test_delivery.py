@@ -70,8 +70,11 @@ def test_a_new_sink_is_not_told_what_was_before_it() -> None:
     play(again, more_of_it)
 
 
-def test_what_cannot_be_told_is_tried_later_and_later_and_nothing_is_lost_or_overtaken() -> None:
-    """The delay doubles while nothing is taken, and is short again then."""
+def test_what_cannot_be_told_is_tried_later_and_later_and_nothing_is_lost_or_overtaken(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """The delay doubles while nothing is taken, and is short again then; the log has one line for each change."""
+    caplog.set_level("INFO")
     sink = Told()
 
     async def course(site: ToldSite) -> None:
@@ -91,6 +94,7 @@ def test_what_cannot_be_told_is_tried_later_and_later_and_nothing_is_lost_or_ove
         assert asyncio.get_running_loop().time() - begun < 0.16
 
     play(ToldSite(sink), course)
+    assert caplog.messages == ["told: is busy", f"{sink.address}: works again after 0 s."] * 2
 
 
 def test_the_other_side_may_want_to_be_left_alone_for_a_while() -> None:
