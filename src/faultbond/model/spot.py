@@ -274,6 +274,7 @@ def check_name(source: Source, entry: Entry, section: str) -> str:
     """
     if not NAME.fullmatch(entry.key):
         rule = "a name is a letter, then letters, digits and `_`, 64 characters at most"
-        comma = ". A decimal comma? Write a point" if entry.key[:1].isdigit() else ""
+        is_rest = entry.key[:1].isdigit() and entry.value == Text("", entry.value.line)  # of a number, behind its comma
+        comma = ". A decimal comma? Write a point" if is_rest else ""
         raise source.error(entry, f"{section}: `{shown(entry.key)}` is not a name; {rule}{comma}")
     return entry.key

@@ -33,6 +33,7 @@ from faultbond.service.web.shield import LOOPBACK
 
 EXTRA = 'The page needs more: install it by `pip install "faultbond[serve]"`.'
 _LOG = logging.getLogger(__name__)
+SHORTEST = 8  # characters of a password
 GRACE = 5  # s that answers which are being given have at the end
 
 
@@ -81,11 +82,13 @@ def hash_password(out: Out) -> None:
     Raises
     ------
     FaultbondError
-        Where none was given.
+        Where none was given, or one that is guessed soon.
     """
     password = getpass("Password: ") if sys.stdin.isatty() else sys.stdin.readline().rstrip("\n")
     if not password:
         raise FaultbondError("no password was given.")
+    if len(password) < SHORTEST:
+        raise FaultbondError(f"the password has {len(password)} characters; take {SHORTEST} or more.")
     kept = hashed(password)
     out.say(kept)
     out.record({"record": "password", "hash": kept})

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -455,17 +456,24 @@ def _sinks(told: Spot, folder: Path, mistakes: Mistakes) -> Iterator[SinkOptions
         with mistakes.noted():
             check_name(place.source, place.entry, "tell")
             fields = place.fields(SINK_KEYS, note=mistakes.note)
-            files = {key: _file(fields[key], folder) for key in SINK_FILES if key in fields}
+            files = {
+                key: mistakes.or_else(partial(_file, fields[key], folder), "") for key in SINK_FILES if key in fields
+            }
+            kinds: tuple[str, ...] = mistakes.or_else(partial(_kinds, fields), ())
             if "to" in fields:
                 yield SinkOptions(
                     name=place.name,
                     to=fields["to"].text(),
                     where=place.where(""),
-                    kinds=tuple(_kind(item) for item in fields["kinds"].one_or_more()) if "kinds" in fields else KINDS,
+                    kinds=kinds,
                     user=_text(fields, "user"),
                     give_up=fields["give_up"].seconds() if "give_up" in fields else None,
                     **files,
                 )
+
+
+def _kinds(fields: Mapping[str, Spot]) -> tuple[str, ...]:
+    return tuple(_kind(item) for item in fields["kinds"].one_or_more()) if "kinds" in fields else KINDS
 
 
 def _kind(place: Spot) -> str:

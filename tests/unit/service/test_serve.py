@@ -280,3 +280,6 @@ def test_a_password_is_hashed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     kept = capsys.readouterr().out.strip()
     assert matches("open sesame", kept)
     assert not matches("open sesam", kept)
+    monkeypatch.setattr(sys, "stdin", StringIO("sesame\n"))
+    assert main(["serve", "--hash"]) == 2
+    assert capsys.readouterr().err == "the password has 6 characters; take 8 or more.\n"

@@ -201,6 +201,7 @@ def test_all_mistakes_are_told_in_their_order(tmp_path: Path, capsys: pytest.Cap
         "15: tell scada: to: expected mqtt://HOST/PREFIX, mqtts://HOST/PREFIX, https://HOST/PATH, "
         "http://HOST/PATH, opc",
         "16: tell hook: kinds `detections` is no kind of records; did you mean `detection`?",
+        "16: tell hook: secret_file: the secret is short; take 16 bytes or more",
         "17: tell desk: secret_file: the secret is short; take 16 bytes or more",
         "18: tell f: it would tell on topics that f reads, plant/f/all",
     ]
