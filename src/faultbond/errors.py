@@ -1,5 +1,6 @@
 """Exceptions: each message names the user's thing, what was expected, and what to do."""
 
+import os
 import re
 import unicodedata
 from collections.abc import Callable, Iterator
@@ -8,6 +9,7 @@ from typing import TypeVar
 
 CONTROLS = ("Cc", "Cf", "Cs", "Zl", "Zp")  # categories of Unicode
 _LINE = re.compile(r":([0-9]+): ")  # behind the name of a file
+_NUMBER = re.compile(r"^\[Errno -?[0-9]+\] ")
 _Found = TypeVar("_Found")
 
 
@@ -156,6 +158,23 @@ def plain(text: str) -> str:
     if text.isascii() and text.isprintable():
         return text
     return "".join("?" if unicodedata.category(letter) in CONTROLS and letter != "\n" else letter for letter in text)
+
+
+def reason_of(error: BaseException) -> str:
+    """Give what went wrong with a connection in words for a sentence: one line, no full stop, no number of an error.
+
+    Example
+    -------
+    >>> reason_of(ConnectionRefusedError(111, "Connect call failed ('10.0.0.7', 1883)"))
+    'Connection refused'
+    """
+    if isinstance(error, TimeoutError):
+        return "no answer in time"
+    cause = error.__cause__ if error.__cause__ is not None and not str(error).strip() else error
+    text = " ".join(str(cause).split())
+    if isinstance(cause, OSError) and cause.errno and "Connect call failed" in text:  # asyncio's word for any reason
+        text = os.strerror(cause.errno)
+    return _NUMBER.sub("", text).rstrip(".") or type(cause).__name__
 
 
 def one_line(message: str) -> str:

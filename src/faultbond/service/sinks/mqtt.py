@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 import aiomqtt
 
-from faultbond.errors import SinkError
+from faultbond.errors import SinkError, reason_of
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import NamedRecord
-from faultbond.service.sources.mqtt import mqtt_words
 
 KEEP_ALIVE = 10  # s between signs of life, so that a network that is cut is noticed
 TIMEOUT = 10.0  # s for the broker to answer
@@ -81,7 +80,7 @@ class MqttSink:
                     with suppress(aiomqtt.MqttError, TimeoutError):
                         await client.publish(service, OFFLINE, qos=QOS, retain=True, timeout=GOODBYE)
         except aiomqtt.MqttError as error:
-            raise SinkError(f"{broker.shown}: {mqtt_words(error)}.") from error
+            raise SinkError(f"{broker.shown}: {reason_of(error)}.") from error
 
 
 class MqttLink:

@@ -18,7 +18,7 @@ from asyncua.server.server import Server
 from asyncua.server.user_managers import UserManager
 from asyncua.ua.uaerrors import UaError
 
-from faultbond.errors import FaultbondError, SinkError
+from faultbond.errors import FaultbondError, SinkError, reason_of
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import NamedRecord
 from faultbond.service.sources.opcua_identity import read_identity
@@ -98,8 +98,7 @@ class OpcUaSink:
             space = await server.register_namespace(SPACE)
             await server.start()
         except (OSError, UaError, ValueError, FaultbondError) as error:
-            why = " ".join(str(error).split()).rstrip(".") or type(error).__name__
-            raise SinkError(f"{told.url}: {why}.") from error
+            raise SinkError(f"{told.url}: {reason_of(error)}.") from error
         try:
             yield OpcUaLink(server, space)
         finally:

@@ -16,7 +16,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 
-from faultbond.errors import RefusedError, SinkError
+from faultbond.errors import RefusedError, SinkError, reason_of
 from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import NamedRecord
 
@@ -94,8 +94,7 @@ class WebhookLink:
             async with asyncio.timeout(TIMEOUT):
                 answer = await _answer(hook, request(hook, record, time.time()))
         except (OSError, EOFError, ValueError, asyncio.LimitOverrunError) as error:
-            why = "no answer in time" if isinstance(error, TimeoutError) else " ".join(str(error).split()).rstrip(".")
-            raise SinkError(f"{hook.shown}: {why or type(error).__name__}.") from error
+            raise SinkError(f"{hook.shown}: {reason_of(error)}.") from error
         status = answer.status
         if 200 <= status < 300:
             return

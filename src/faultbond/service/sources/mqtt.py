@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import aiomqtt
 from paho.mqtt.client import topic_matches_sub
 
-from faultbond.errors import SourceError
+from faultbond.errors import SourceError, reason_of
 from faultbond.service.contract.messages import Arrivals
 from faultbond.service.contract.source import Subscriber
 from faultbond.service.sources.intake import RETAINED, Intake
@@ -128,7 +128,7 @@ class MqttSource:
                 reader.intake.close()
             for found in self._queue.drain():
                 yield found
-            raise SourceError(f"{broker.shown}: {mqtt_words(error)}.") from error
+            raise SourceError(f"{broker.shown}: {reason_of(error)}.") from error
         finally:
             for reader in readers:
                 reader.intake.close()
@@ -210,9 +210,3 @@ async def _given_up(task: "asyncio.Future[aiomqtt.Message]") -> None:
     task.cancel()
     with suppress(asyncio.CancelledError, aiomqtt.MqttError, StopAsyncIteration):
         await task
-
-
-def mqtt_words(error: Exception) -> str:
-    """Give what went wrong, on one line and without a full stop."""
-    cause = error.__cause__ if error.__cause__ is not None and not str(error).strip() else error
-    return " ".join(str(cause).split()).rstrip(".") or type(error).__name__

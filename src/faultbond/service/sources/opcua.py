@@ -15,7 +15,7 @@ from asyncua.ua.attribute_ids import AttributeIds
 from asyncua.ua.object_ids import ObjectIds
 from asyncua.ua.uaerrors import UaError
 
-from faultbond.errors import FaultbondError, SourceError
+from faultbond.errors import FaultbondError, SourceError, reason_of
 from faultbond.io.row_block import Quality
 from faultbond.io.times import unix_seconds
 from faultbond.service.contract.messages import Arrivals
@@ -124,9 +124,8 @@ class OpcUaSource:
         """Give the error that says why there is nothing more."""
         if isinstance(reason, FaultbondError):
             return reason
-        words = " ".join(str(reason or "").split()).rstrip(".")
-        name = type(reason).__name__ if reason is not None else "the server ended the subscription"
-        return SourceError(f"{self._server.shown}: {words or name}.")
+        why = "the server ended the subscription" if reason is None else reason_of(reason)
+        return SourceError(f"{self._server.shown}: {why}.")
 
     async def _connected(self, stack: AsyncExitStack) -> Client:
         """Give the connection; it is closed at the end."""

@@ -186,7 +186,7 @@ export class AssetView {
     renew(this.journal, { shown, mayUndo, isHeld, isOwn: Boolean(ownClock) }, () => {
       if (!all.length) return make("li", { class: "hint" }, "Nothing has happened yet.");
       return shown.map((entry) => entry.number == null ? eventOf(entry, ownClock)
-        : entryOf(entry, mayUndo && entry === last ? this.button("undo", isHeld, entry) : null));
+        : entryOf(entry, mayUndo && entry === last ? this.button("undo", isHeld, entry) : null, all));
     });
     this.older.hidden = shown.length === all.length;
   }
@@ -217,8 +217,9 @@ const eventOf = ({ time, text, alarm }, ownClock) => make("li", { class: "event"
   make("span", { class: "number", "aria-hidden": "true" }, alarm ? "!" : "–"),
   make("span", { class: "moment" }, momentText(time), ownClock && isUnix(time) ? " by its source" : ""), make("span", { class: "deed" }, text));
 
-function entryOf(entry, undo) {
-  const target = entry.target.length ? ` ${entry.target.join(", ")}` : "";
+function entryOf(entry, undo, all) {
+  const back = all.find((item) => item.undone_by != null && item.undone_by === entry.number);
+  const target = back ? ` entry ${back.number}` : entry.target.length ? ` ${entry.target.join(", ")}` : "";
   return make("li", { class: entry.undone_by ? "is-undone" : "" },
     make("span", { class: "number" }, String(entry.number)),
     make("span", { class: "moment" }, momentText(entry.at)),
