@@ -151,7 +151,7 @@ export class AssetView {
       ? `${capital(countWord(rows.filter((row) => row.group).length))} explanations, marked ●, cannot be told apart yet.`
       : "The best explanation stands apart from the others.";
     renew(this.list, { worth, several }, () => worth.map((row) => rowOf(row, several)));
-    const beside = [rows.length ? this.asset.remainder : "", this.asset.left_out, this.asset.contradicted ? "The data contradict them all: their order tells which comes nearest, and none is likely." : ""].filter(Boolean).join(" ");
+    const beside = [rows.length && this.asset.remainder ? `${this.asset.remainder}.` : "", this.asset.left_out, this.asset.contradicted ? "The data contradict them all: their order tells which comes nearest, and none is likely." : ""].filter(Boolean).join(" ");
     this.beside.textContent = beside;
     this.more.hidden = worth.length === rows.length;
     this.more.textContent = `Show all ${rows.length}`;
