@@ -34,8 +34,7 @@ def forget(database: Database, *, older_than: float | None, at_most: int | None)
     A chunk goes once its newest row arrived before `older_than`. Where the store has more than `at_most` bytes, chunks
     go until it is smaller than that by a part of `SLACK`. Where much has to go, a call lets only some of it go.
     """
-    gone, left = Counter[int](), AT_A_CALL
-    diagnoses = 0
+    gone, left, diagnoses = Counter[int](), AT_A_CALL, 0
     while older_than is not None and left and (found := _forget_some(database, older_than, None)):
         gone, left = gone + found, left - 1
     if at_most is not None and database.used() > at_most:
@@ -49,8 +48,19 @@ def forget(database: Database, *, older_than: float | None, at_most: int | None)
 
 
 def _forget_diagnoses(database: Database) -> int:
-    """Forget diagnoses from before the first row that is kept, but for the last of each alarm; give how many went."""
+    """Forget some diagnoses from before the first row that is kept, but for the last of each alarm; give how many."""
     gone = 0
+    for found in (_superseded(database, *item) for item in _begins(database)):
+        while gone < DIAGNOSES * AT_A_CALL and (numbers := [*islice(found, DIAGNOSES)]):
+            marks = ", ".join("?" * len(numbers))
+            with database.transaction():
+                database.change(f"DELETE FROM records WHERE number IN ({marks})", *numbers)  # noqa: S608
+            gone += len(numbers)
+    return gone
+
+
+def _begins(database: Database) -> Iterator[tuple[int, float]]:
+    """Give the number of each asset with the time of the first row of it that is kept; without any, inf."""
     for (asset,) in database.rows("SELECT number FROM assets ORDER BY number"):
         kept = [
             database.number(
@@ -60,14 +70,7 @@ def _forget_diagnoses(database: Database) -> int:
             )
             for table in (CHUNKS, PIECES)
         ]
-        begin = min((moment for moment in kept if moment is not None), default=inf)
-        found = _superseded(database, asset, begin)
-        while numbers := [*islice(found, DIAGNOSES)]:
-            marks = ", ".join("?" * len(numbers))
-            with database.transaction():
-                database.change(f"DELETE FROM records WHERE number IN ({marks})", *numbers)  # noqa: S608
-            gone += len(numbers)
-    return gone
+        yield asset, min((moment for moment in kept if moment is not None), default=inf)
 
 
 def _superseded(database: Database, asset: int, begin: float) -> Iterator[int]:
