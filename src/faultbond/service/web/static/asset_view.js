@@ -67,7 +67,7 @@ export class AssetView {
     this.explanations = panel("explanations", "What may be at fault", this.group, this.list, this.more, this.beside, this.advice);
     place.replaceChildren(
       this.head,
-      make("div", { class: "pair" }, this.explanations, make("div", { class: "stack" }, this.folds.panel("plant-drawing", "Plant", this.picture.choice, this.drawing), this.chancePanel)),
+      make("div", { class: "pair" }, make("div", { class: "stack" }, this.explanations, this.chancePanel), this.folds.panel("plant-drawing", "Plant", this.picture.choice, this.drawing)),
       this.folds.panel("trends", "Measured and expected", this.trendPlace),
       make("div", { class: "pair" },
         this.folds.panel("journal-panel", "Journal", this.journal, this.older),

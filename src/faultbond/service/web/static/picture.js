@@ -11,7 +11,7 @@ const SHAPES = "path, rect, circle, ellipse, line, polyline, polygon";
 const NAMED = "[data-component], g.node[data-name]";
 
 const SHEET = `
-svg { display: block; max-width: 100%; height: auto; margin: 0 auto; overflow: hidden } svg:not([width]) { width: 100%; max-height: 70vh }
+svg { display: block; max-width: 100%; height: auto; margin: 0 auto; overflow: hidden } svg:not([width]) { width: 100%; max-height: 56vh }
 .heat { fill: var(--suspect); transition: opacity .3s }
 g.heat * { fill: none !important; stroke: var(--suspect) !important; stroke-width: 14px !important; stroke-linejoin: round !important; stroke-linecap: round !important;
   stroke-dasharray: none !important; stroke-opacity: 1 !important; opacity: 1 !important; vector-effect: non-scaling-stroke !important; marker: none !important; clip-path: none !important }
