@@ -994,6 +994,7 @@ def test_a_model_that_hardly_watches_a_part_says_so(
             certainty=0.95,
             effects=(),
             claimed=least * nominal,
+            onsets=(10.0, 20.0),
         )
         for part, least in ((before, 0.0), (now, claimed))
     ]
@@ -1016,6 +1017,9 @@ def test_a_model_that_hardly_watches_a_part_says_so(
     shown = {name: text for part in quiet_parts(graph, found) for name, _, text, *_ in part.rows if name == "R"}
     none = "not found" if now is None else "never claimed"
     assert (none if size is None else f"({100 * size:g} %)") in shown["R"]
+    told = [text for part in quiet_parts(graph, found) for label, text in part.lines if label == "begun"]
+    idle = "what does nothing in 5 min after one of these, as while a pump is off, is not found"
+    assert told == ([f"at 10 s and 20 s of the longest recording: {idle}"] if now is None else [])
     told = [text for part in quiet_parts(graph, found) for label, text in part.lines if label == "deaf to"]
     assert len(told) == len(deaf)
     assert ("deaf to faults of R" in quiet_verdict(found)) == bool(deaf)

@@ -280,14 +280,19 @@ def print_smallest(
     header = ("parameter", "change", "unit", "of nominal", "largest effect, in noise sd", "then alike")
     table(console, header, rows)
     told = _claimed_lines(graph, found) + guess_lines(graph, guessed)
-    if moments := join([clock_text(time) for time in found[0].onsets]):
-        idle = f"what does nothing in {within} after one of these, as while a pump is off, is not found"
-        told.append(("begun", f"at {moments}: {idle}"))
+    told += begun_lines(found)
     told += heat_lines(graph, [item.parameter for item in found])
     if not graph.slow_errors and not any(item.healthy_change for item in graph.parameters):
         exact = "of a plant that is as the model says. What a first model leaves out hides more: `fit --until-quiet`"
         told.append(("these are", exact))
     lines(console, told)
+
+
+def begun_lines(found: Sequence[SmallestFault], of: str = "") -> list[tuple[str, str]]:
+    """Say when smallest faults begin, in the recording `of` which they are, and what that hides."""
+    moments, within = join([clock_text(time) for time in found[0].onsets]), duration_text(found[0].within)
+    idle = f"what does nothing in {within} after one of these, as while a pump is off, is not found"
+    return [("begun", f"at {moments}{of}: {idle}")] if moments else []
 
 
 def _claimed_lines(graph: BondGraph, found: Sequence[SmallestFault]) -> list[tuple[str, str]]:

@@ -33,7 +33,7 @@ from faultbond.model.graph import BondGraph, SlowError, Unit
 from faultbond.model.parser import to_text
 from faultbond.model.rewrite import MARK, NewSize, parameter_path, rewrite
 from faultbond.model.text import parse_model
-from faultbond.report.analysis import heat_lines
+from faultbond.report.analysis import begun_lines, heat_lines
 from faultbond.report.console import lines, table, title, under
 from faultbond.report.doubts import stray_records
 from faultbond.report.fit_result import Fitted, spread_text
@@ -399,6 +399,11 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
             header=("suspect", "smallest fault before", "now", "unit"),
             rows=tuple(_cost_rows(found)),
             lines=(
+                *(
+                    begun_lines(found.smallest_after, " of the longest recording")
+                    if _lacks(found.smallest_after)
+                    else ()
+                ),
                 *heat_lines(found.fitted.graph, [item.parameter for item in found.smallest_after]),
                 *_deaf_lines(found),
             ),
@@ -517,6 +522,10 @@ def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:
         memory,
         *gains,
     )
+
+
+def _lacks(found: Sequence[SmallestFault]) -> bool:
+    return any(item.value is None for item in found)
 
 
 def _within(found: Sequence[SmallestFault]) -> str:
