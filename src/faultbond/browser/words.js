@@ -60,7 +60,7 @@ function rateText(unit, item) {
 
 function courseText(item) {
   const took = Math.max(item.ended - item.began, 0);
-  return `in about ${durationText(took, 2)} up to about ${coarseClockText(item.ended, took)}, and has stayed there since`;
+  return `in about ${durationText(took, 2)} up to about ${coarseClockText(item.ended, took)}${item.moved ? "" : ", and has stayed there since"}`;
 }
 
 // What is wrong with a sensor or an input.

@@ -169,11 +169,11 @@ def change_of(graph: BondGraph, candidate: Candidate, suspect: Suspect, now: flo
 
 
 def _course(suspect: Suspect) -> str:
-    """Say over which time a ramp went, and that it has ended."""
+    """Say over which time a ramp went, and that it has ended, unless its value moves yet."""
     began, ended = suspect.began or 0.0, suspect.ended or 0.0
     took = max(ended - began, 0.0)
     when = f"in about {duration_text(took, digits=2)} up to about {coarse_clock_text(ended, took)}"
-    return f"{when}, and has stayed there since"
+    return when if suspect.moved else f"{when}, and has stayed there since"
 
 
 def _named(told: str, signal: str) -> str:

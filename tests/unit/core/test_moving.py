@@ -39,6 +39,10 @@ void t_moves(State *state, const double *lane, const double *likelihood)
     *number_of_slot(&state->bank, (int64_t)*lane, ROLE_TOOK) = 1e3;
     *number_of_slot(&state->bank, (int64_t)*lane, WIDE_LIKELIHOOD) = *likelihood;
 }
+void t_ended(State *state, const double *lane, const double *time)
+{
+    *number_of_slot(&state->bank, (int64_t)*lane, ROLE_ENDED) = *time;
+}
 int64_t t_bias(State *state)
 {
     (void)state;
@@ -153,3 +157,23 @@ def test_of_what_moved_when_it_was_noted_nothing_is_said_once_it_is_at_rest() ->
     assert found[0] == pytest.approx(20.0)
     assert found[1] == pytest.approx(2.0 * wider(1000 + 2 * FROM))
     assert found[2] == 0.0
+
+
+@pytest.mark.parametrize(("ended", "said"), [(2.0, True), (950.0, False)])
+def test_what_came_to_stay_may_move_too(ended: float, said: bool) -> None:
+    """Once it has stopped, for a note from before is of another value: a slow drift goes on in what came to stay."""
+    core = settled()
+    lane = int(core.call("t_ramp"))
+    steps = plan_lanes(core.spec).n_lanes
+    core.call("t_moves", np.array([float(lane)]), np.array([50.0]))
+    core.call("t_ended", np.array([float(lane)]), np.array([ended]))
+    for index in range(1000, 1000 + 2 * FROM + 1):
+        core["clock.index"] = index
+        core.call("t_slot", np.array([float(lane)]), np.array([20.0]), np.array([4.0]))
+        core.call("t_note")
+    core["clock.time"] = 1000.0
+    core.call("t_slot", np.array([float(lane)]), np.array([26.0]), np.array([3.0]))
+    found = np.zeros(3)
+    core.call("t_found", np.array([float(steps + lane)]), found)
+    assert found[2] == (pytest.approx(6.0) if said else 0.0)
+    assert found[1] == pytest.approx(hypot(sqrt(3.0) * wider(1000 + 2 * FROM), 6.0 if said else 0.0))

@@ -107,6 +107,9 @@ def test_a_ramp_that_has_ended() -> None:
         "it acts 4.5 percent below what is recorded (bias); it came to that in about 58 s up to about 1560 s, "
         "and has stayed there since"
     )
+    assert said(replace(valve, began=1502.2, ended=1560.4, moved=5.0), FaultKind.RAMP) == (
+        "it acts 4.5 percent below what is recorded (bias); it came to that in about 58 s up to about 1560 s"
+    )
 
 
 def test_a_drift_and_when_its_limit_is_reached() -> None:
