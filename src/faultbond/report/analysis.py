@@ -289,7 +289,9 @@ def print_smallest(
 
 
 def begun_lines(found: Sequence[SmallestFault], of: str = "") -> list[tuple[str, str]]:
-    """Say when smallest faults begin, in the recording `of` which they are, and what that hides."""
+    """Say when smallest faults begin, in the recording `of` which they are, and what that hides; of none nothing."""
+    if not found:
+        return []
     moments, within = join([clock_text(time) for time in found[0].onsets]), duration_text(found[0].within)
     idle = f"what does nothing in {within} after one of these, as while a pump is off, is not found"
     return [("begun", f"at {moments}{of}: {idle}")] if moments else []

@@ -399,10 +399,8 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
             header=("suspect", "smallest fault before", "now", "unit"),
             rows=tuple(_cost_rows(found)),
             lines=(
-                *(
-                    begun_lines(found.smallest_after, " of the longest recording")
-                    if _lacks(found.smallest_after)
-                    else ()
+                *begun_lines(
+                    [item for item in found.smallest_after if item.value is None], " of the longest recording"
                 ),
                 *heat_lines(found.fitted.graph, [item.parameter for item in found.smallest_after]),
                 *_deaf_lines(found),
@@ -499,8 +497,8 @@ def _trusted_words(found: Quieted) -> list[str]:
 def _beside_words(added: Sequence[Added]) -> list[str]:
     """Say of what lost where it was tried alone why it is there."""
     lost = [item.what.words for item in added if item.held < 0.0 and item.what.kind not in KIND_HOLDS]
-    return (
-        [f"{join(lost)}: by itself no gain for what was held back, but one beside what else was added"] if lost else []
+    return [f"{join(lost)}: by itself no gain for what was held back, but one beside others that were added"] * bool(
+        lost
     )
 
 
@@ -522,10 +520,6 @@ def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:
         memory,
         *gains,
     )
-
-
-def _lacks(found: Sequence[SmallestFault]) -> bool:
-    return any(item.value is None for item in found)
 
 
 def _within(found: Sequence[SmallestFault]) -> str:
