@@ -70,7 +70,7 @@ async def _measured(service: Served, play: Play) -> tuple[float, Sent, _Seen]:
     first, before = max(seen.came, default=0.0), service.processor_time()
     sent = [item for item in await playing if item[0] > first]
     async with asyncio.timeout(LATEST):
-        while max(seen.came) < sent[-1][0] - STEP:
+        while max(seen.came) < sent[-1][0] - STEP / 2.0:
             await asyncio.sleep(0.1)
     share = (service.processor_time() - before) / (len(sent) * STEP)
     watching.cancel()
