@@ -162,20 +162,19 @@ static void note_values(State *state)
         Suspect suspects[LARGEST_SET];
         const int64_t n = suspects_of(state, lane, suspects);
         const int is_value = is_constant(bank, lane); /* of one that was none then, nothing is said later */
-        const double side = kind_of(bank, lane) == KIND_RAMP ? -1.0 : 1.0; /* by which it is known that this had moved before */
         for (int64_t k = 0; k < n; k++) {
             bank->noted[1][0][k][lane] = is_value ? suspects[k].estimate : NAN;
-            bank->noted[1][1][k][lane] = is_value ? side * suspects[k].sd : NAN;
+            bank->noted[1][1][k][lane] = is_value ? suspects[k].sd : NAN;
         }
     }
 }
 
-/* Whether what a suspect of a lane was when it was noted is what it is now: of what came to stay, if it had stopped by then. */
-static int was_there(const State *state, int64_t lane, const Suspect *suspect, double noted_sd)
+/* Whether what a lane was when it was noted is what it is now: of what came to stay, if it had stopped by then. */
+static int was_there(const State *state, int64_t lane)
 {
     const double ago = SAMPLE_TIME * (double)(state->clock.index - state->bank.noted_at[0]);
-    if (kind_of(&state->bank, lane) == KIND_RAMP) return suspect->ended < state->clock.time - ago;
-    return noted_sd >= 0.0;
+    if (lane < N_STEPS || SLOT_KIND[plan_of(&state->bank, lane - N_STEPS)] != KIND_RAMP) return 1;
+    return of_slot(&state->bank, lane - N_STEPS, ROLE_ENDED) < state->clock.time - ago;
 }
 
 /* Judge suspect k of a lane, as far as likelihoods count: its value is as uncertain as that (see `share_of_evidence`), and where
@@ -186,9 +185,8 @@ static void judge_value(const State *state, int64_t lane, int64_t k, Suspect *su
     const double left = suspect->sd * suspect->sd, share = share_of_evidence(state);
     suspect->sd = sqrt(left / share);
     suspect->rate_sd = sqrt(suspect->rate_sd * suspect->rate_sd / share);
-    if (bank->noted_at[0] == 0 || !is_constant(bank, lane)) return;
+    if (bank->noted_at[0] == 0 || !is_constant(bank, lane) || !was_there(state, lane)) return;
     const double moved = suspect->estimate - bank->noted[0][0][k][lane], before = bank->noted[0][1][k][lane];
-    if (!was_there(state, lane, suspect, before)) return;
     const double shrunk = before * before - left;
     const double usual = suspect->parameter >= 0 ? usual_walk(&state->healthy, WALKS - 1, (int)suspect->parameter) : 1.0;
     const double far = fabs(moved) / sqrt(fmax(shrunk, WALK_LEAST * left) * fmax(usual, 1.0));

@@ -497,9 +497,7 @@ def _trusted_words(found: Quieted) -> list[str]:
 def _beside_words(added: Sequence[Added]) -> list[str]:
     """Say of what lost where it was tried alone why it is there."""
     lost = [item.what.words for item in added if item.held < 0.0 and item.what.kind not in KIND_HOLDS]
-    return [f"{join(lost)}: by itself no gain for what was held back, but one beside others that were added"] * bool(
-        lost
-    )
+    return [f"{join(lost)}: foretells worse by itself, and better beside what was added with it"] * bool(lost)
 
 
 def _added_row(graph: BondGraph, item: Added) -> tuple[str, ...]:

@@ -141,11 +141,13 @@ def test_a_bias_of_a_sensor_may_move_too() -> None:
 
 
 def test_of_what_moved_when_it_was_noted_nothing_is_said_once_it_is_at_rest() -> None:
-    """A ramp that is no likelier than a step any more is told as one; before, no value was noted of it."""
+    """A ramp that is no likelier than a step any more is told as one; its notes are from before it had stopped."""
     core = settled()
     lane = int(core.call("t_ramp"))
     steps = plan_lanes(core.spec).n_lanes
     core.call("t_moves", np.array([float(lane)]), np.array([50.0]))
+    core["clock.time"] = 1000.0
+    core.call("t_ended", np.array([float(lane)]), np.array([1000.0]))
     for index in range(1000, 1000 + 2 * FROM + 1):
         core["clock.index"] = index
         core.call("t_slot", np.array([float(lane)]), np.array([0.02 * (index - 1000)]), np.array([4.0]))
