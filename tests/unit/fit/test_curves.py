@@ -543,9 +543,11 @@ def test_a_curve_beside_others_has_to_be_needed(
     ]
     stand = Footing(graph=parse_model(COOLER), values={}, starts={})
 
-    def together(_: Search, stand: Footing, more: Sequence[Added], **_how: float) -> Footing:
+    def together(_: Search, stand: Footing, more: Sequence[Added], **how: float) -> Footing:
+        assert bool(stand.starts) == bool(how)  # without one of them it begins where all of them have led
         bent = {item.what.key: worth.get(f"{item.what.place} as the hill bends", 0.0) for item in more}
-        return replace(stand, held=sum(worth[item.what.place] for item in more), added=tuple(more), bent=bent)
+        held, starts = sum(worth[item.what.place] for item in more), {"oil.e": np.ones(1)}
+        return replace(stand, held=held, added=tuple(more), bent=bent, starts=starts)
 
     def climbed(
         stand: Footing, item: Imperfection, *, few: bool, least: float

@@ -224,6 +224,7 @@ def test_an_asset_that_lacks_a_node_is_told_and_the_others_go_on(
                 await three_rows(plant)
                 while not has_time(102.0)(found):
                     await asyncio.sleep(0.005)
+                await asyncio.sleep(2.0 * (EXACT.patience or 0.0))  # after which rows go out that lack a value
                 folder = await plant.server.nodes.objects.get_child("2:one")
                 name = "u" if by_name else "late"
                 await folder.add_variable(ua.NodeId(name, 2), name, 0.0)
