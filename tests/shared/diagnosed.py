@@ -235,7 +235,15 @@ def _record(n_limits: int, largest: int, most: int, *, n_parameters: int) -> Any
     candidate += [("n_suspects", "i8"), ("probability", "f8"), ("shares", "f8", (len(KINDS),))]
     candidate += [("suspects", suspect, (largest,))]
     head = numbers(
-        "i8", "n_candidates", "is_unexplained", "has_untested", "untested_sets", "signal", "n_superseded", "n_elsewhere"
+        "i8",
+        "n_candidates",
+        "is_over",
+        "is_unexplained",
+        "has_untested",
+        "untested_sets",
+        "signal",
+        "n_superseded",
+        "n_elsewhere",
     )
     rest = numbers("f8", "unexplained_sd", "since", "until", "untested_probability", "within_accuracy", "mismatch")
     before = [("superseded_until", "f8"), ("superseded", "i8", (max(largest, 1),))]

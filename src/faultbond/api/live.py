@@ -245,7 +245,7 @@ class Monitor:
 
     @property
     def detection(self) -> Detection | None:
-        """The alarm for which nothing was accepted yet; None: all is as expected."""
+        """The alarm for which nothing was accepted yet, and that is not over by itself; None: all is as expected."""
         return self._course.found.open
 
     @property

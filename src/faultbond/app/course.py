@@ -13,7 +13,14 @@ from faultbond.app.method_face import Watcher
 from faultbond.app.presence import Presence
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.findings import Decider, Decision, Detection, Diagnosis
-from faultbond.contract.json_records import Record, decision_record, detection_record, diagnosis_record, end_record
+from faultbond.contract.json_records import (
+    Record,
+    decision_record,
+    detection_record,
+    diagnosis_record,
+    end_record,
+    over_record,
+)
 from faultbond.contract.samples import STATUSES, Reports, Samples, Status
 from faultbond.contract.silence import INPUT, SENSOR, Silent
 from faultbond.errors import FaultbondError
@@ -285,7 +292,10 @@ class Course:
             self._out.record(diagnosis_record(diagnosis, outside=outside))
         self._hear(diagnosis)
         self._told = sample
-        if self._level is None or outside:
+        if diagnosis.over and self.found.open is not None:
+            self._out.record(over_record(diagnosis.time, self.found.open))
+            self.found = self.found.with_alarm_over()
+        if self._level is None or outside or diagnosis.over:
             return
         hypothesis = self._watcher.sure(self._level)
         if hypothesis is not None:

@@ -176,6 +176,7 @@ class Diagnosis:
     healthy data before. superseded: what was sure before, and is none of the likeliest any more, or did not explain the
     data since; then something else may have changed later, which is part of `mismatch`. elsewhere: parameters that
     count as healthy and are far from where they are declared, while no suspect changed, which is part of it, too.
+    over: whether it is the last one, since the alarm is over by itself: for long nothing has been at fault.
     """
 
     time: float
@@ -187,6 +188,7 @@ class Diagnosis:
     mismatch: float = 0.0
     superseded: Superseded | None = None
     elsewhere: tuple[str, ...] = ()
+    over: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,7 +216,9 @@ class History:
     After the detection `expected` goes on as the healthy model sees the plant, after `accepted` as the new one does.
     detections, diagnoses, accepted, rejected: all records in order. Of a run that went on from another one there are
     also the last few that were accepted before, and the last detection if it was still open, with what was rejected.
-    open: the detection for which nothing was accepted yet; by order, not by time, since clocks are set back.
+    over: when alarms were over by themselves, s.
+    open: the detection for which nothing was accepted yet, and that is not over; by order, not by time, since
+    clocks are set back.
     missed: a while in which the best candidate did not explain the data, after it had done so; sd is the largest.
     """
 
@@ -232,5 +236,6 @@ class History:
     diagnoses: tuple[Diagnosis, ...]
     accepted: tuple[Decision, ...] = ()
     rejected: tuple[Decision, ...] = ()
+    over: tuple[float, ...] = ()
     open: Detection | None = None
     missed: Unexplained | None = None

@@ -398,7 +398,7 @@ static int comes_before(const Check *check, const Check *other)
 static void advise(const State *state, const Diagnosis *found, Rivals *rivals, Filters *filters, Advice *advice)
 {
     memset(advice, 0, sizeof *advice);
-    if (found->mismatch > 0.0) return;
+    if (found->mismatch > 0.0 || found->is_over) return;
     find_rivals(found, rivals);
     advice->n_rivals = rivals->n;
     if (most_told(rivals) < WORTH) return;

@@ -17,7 +17,8 @@
                      within.h: what is no more than the accuracy; mismatch.h: that the model is off;
                      unexplained.h: what nothing explains; untested.h: what else it could be
      9. diagnosis.h  what is said; advice.h: what to check next
-    10. decide.h     a diagnosis becomes the healthy model, by rule.h without a person, or is ruled out; save.h: a state as
+    10. over.h       an alarm by which nothing is at fault is over
+        decide.h     a diagnosis becomes the healthy model, by rule.h without a person, or is ruled out; save.h: a state as
                      bytes, by the table of fields.h
 
    watch.h holds 2 to 9 together, but for the advice; with a diagnosis that is due it keeps in mind what has been sure for long

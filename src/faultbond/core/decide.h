@@ -248,12 +248,9 @@ static int accept(State *state, int64_t hypothesis, int repaired, Candidate *can
     memcpy(state->normal.lane, state->healthy.lane, sizeof state->normal.lane);
     begin_walks(&state->healthy, state->healthy.lane, row_of(&state->past, last)->time);
     memcpy(row_of(&state->past, last)->lane, state->healthy.lane, sizeof state->normal.lane);
-    state->clock.alarm = -1;
     state->clock.accepted = last;
     begin_sums(&state->sensors, (double)last);
-    clear_bank(state);
-    forget_sure(&state->sure);
-    forget_settled(&state->settled);
+    end_alarm(state);
     return 0;
 }
 

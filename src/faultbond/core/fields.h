@@ -36,7 +36,7 @@ typedef struct {
 /* All but the rows of the past and the lanes of the bank, whose places go by the number of the sample and of the lane. */
 static const Field FIELDS[] = {
     COUNT(clock.index), NUMBER(clock.begun), FLAG(clock.running), NUMBER(clock.alarm), COUNT(clock.detections),
-    NUMBER(clock.accepted), COUNT(clock.silent), WHOLE(clock.quiet, 0.0, ALARMS_ONLY), COUNT(clock.outside), POSITIVE(clock.doubt), POSITIVE(clock.pause), FINITE(clock.time),
+    NUMBER(clock.accepted), NUMBER(clock.over), COUNT(clock.silent), WHOLE(clock.quiet, 0.0, ALARMS_ONLY), COUNT(clock.outside), POSITIVE(clock.doubt), POSITIVE(clock.pause), FINITE(clock.time),
     MISSING(inputs.held), MISSING(inputs.earlier), REACHING(inputs.lowest), REACHING(inputs.highest),
     ENDLESS(inputs.leap), POSITIVE(inputs.guessed), FRACTION(inputs.habit), ENDLESS(inputs.since_step),
     ANYTHING(inputs.change), FIELD(inputs.true_for, -1.0, INFINITY, 0, 0, 1), ANYTHING(inputs.trends), POSITIVE(inputs.rough),
@@ -79,7 +79,7 @@ static const Field FIELDS[] = {
     WHOLE(sure.hypothesis, -1.0, N_HYPOTHESES - 1.0), NUMBER(sure.since), NUMBER(sure.clear_since),
     WHOLE(settled.now.hypothesis, -1.0, N_HYPOTHESES - 1.0), NUMBER(settled.now.since), NUMBER(settled.now.clear_since),
     WHOLE(settled.hypothesis, -1.0, N_HYPOTHESES - 1.0), WHOLE(settled.n_parts, 0.0, LARGEST_SET),
-    WHOLE(settled.parts, 0.0, N_PARTS > 0 ? N_PARTS - 1.0 : 0.0), FINITE(settled.until),
+    WHOLE(settled.parts, 0.0, N_PARTS > 0 ? N_PARTS - 1.0 : 0.0), NUMBER(settled.harmless_since), FINITE(settled.until),
 };
 #define N_FIELDS ((int64_t)(sizeof FIELDS / sizeof FIELDS[0]))
 

@@ -20,7 +20,7 @@ static void forget_sure(Sure *sure) { sure->hypothesis = sure->since = sure->cle
 static void forget_settled(Settled *settled)
 {
     forget_sure(&settled->now);
-    settled->hypothesis = -1;
+    settled->hypothesis = settled->harmless_since = -1;
     settled->n_parts = 0;
     settled->until = 0.0;
 }
@@ -30,6 +30,12 @@ static void put_off(Sure *sure)
 {
     if (sure->since >= 0) sure->since++;
     if (sure->clear_since >= 0) sure->clear_since++;
+}
+
+static void put_off_settling(Settled *settled)
+{
+    put_off(&settled->now);
+    if (settled->harmless_since >= 0) settled->harmless_since++;
 }
 
 /* Whether the best candidate is likely enough, alone in its group, and explains the data with a model that holds; `whole`: with
@@ -81,6 +87,18 @@ static void settle_on(Settled *settled, const Diagnosis *found, int64_t sample)
         note_parts(&found->candidates[0], settled);
     }
     if (found->n_candidates > 0 && found->n_superseded == 0) settled->until = found->time;
+    const int harmless = found->within_accuracy >= SETTLED && !found->is_unexplained && found->n_superseded == 0;
+    if (!harmless) settled->harmless_since = -1;
+    else if (settled->harmless_since < 0) settled->harmless_since = sample;
+}
+
+/* There is no alarm any more. */
+static void end_alarm(State *state)
+{
+    state->clock.alarm = -1;
+    clear_bank(state);
+    forget_sure(&state->sure);
+    forget_settled(&state->settled);
 }
 
 #endif

@@ -147,7 +147,7 @@ static int is_in_order(const uint8_t *bytes)
     const int64_t index = SAVED(clock.index), begun = SAVED(clock.begun), alarm = SAVED(clock.alarm);
     const int64_t gathering = SAVED(clock.running) || begun < 0 ? 0 : index - begun;
     const int64_t last = index - 1, decided = alarm < 0 ? last : alarm; /* accepting a diagnosis ends its alarm */
-    return begun <= index && alarm <= last && SAVED(clock.accepted) <= decided && gathering <= START_PATIENCE;
+    return begun <= index && alarm <= last && SAVED(clock.accepted) <= decided && SAVED(clock.over) <= decided && gathering <= START_PATIENCE;
 }
 
 /* Whether a lane of a group is one of those that begin at a stage; of sets in reserve, one of a set that was chosen. */

@@ -177,10 +177,11 @@ typedef struct {
 } Sure;
 
 /* The hypothesis that was sure for so long that a person may have accepted it (`settle_on` in rule.h), or -1; the parts
-   that are at fault by it, and when it was among the likeliest last, s. */
+   that are at fault by it, and when it was among the likeliest last, s. harmless_since: the sample since which nothing has been
+   further off than it may be while healthy; -1: something is. */
 typedef struct {
     Sure now;
-    int64_t hypothesis, n_parts, parts[FB_ROOM(LARGEST_SET)];
+    int64_t hypothesis, n_parts, parts[FB_ROOM(LARGEST_SET)], harmless_since;
     double until;
 } Settled;
 

@@ -12,12 +12,13 @@
    The last two lanes at multiples of each window are kept, and compared is that of one to two windows ago. This text stands in
    watching.h. Reasons and figures: docs/decisions/020-walks.md. Formulas: docs/method.md, "The alarm". */
 
-/* The sample from which on healthy lanes are kept for long: a while after the start, or after what was accepted, or after an
-   input was unknown: then parameters walk to make up for it. */
+/* The sample from which on healthy lanes are kept for long: a while after the start, or after what was accepted, or an alarm that
+   was over, or after an input was unknown: then parameters walk to make up for it. */
 static inline real walks_from(const Clock *clock, const Healthy *healthy)
 {
     const double settled = WARM_UP_SAMPLES > WALK_SETTLES ? WARM_UP_SAMPLES : WALK_SETTLES;
-    return greater(greater(AS_REAL(clock->begun), AS_REAL(clock->accepted)), healthy->blind) + settled;
+    const real decided = greater(AS_REAL(clock->accepted), AS_REAL(clock->over));
+    return greater(greater(AS_REAL(clock->begun), decided), healthy->blind) + settled;
 }
 
 /* A parameter less what those that go with it let expect of it, but for a constant; and the variance of that. A walk of all in

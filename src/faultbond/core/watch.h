@@ -4,7 +4,7 @@
 
 #include "advice.h"
 #include "outliers.h"
-#include "rule.h"
+#include "over.h"
 #include "spikes.h"
 
 #define START_SAMPLES 20 /* gathered before an unknown start is solved */
@@ -57,7 +57,7 @@ static void begin_state(State *state, double t0, int64_t quiet)
 {
     memset(state, 0, sizeof *state);
     Clock *clock = &state->clock;
-    clock->begun = clock->alarm = clock->accepted = -1;
+    clock->begun = clock->alarm = clock->accepted = clock->over = -1;
     clock->time = t0;
     clock->quiet = quiet;
     for (int k = 0; k < N_INPUTS; k++) {
@@ -166,6 +166,7 @@ static void trail_of(const State *state, Trail *trail)
     int64_t oldest = clock->index - DEPTH + 1;
     if (clock->begun > oldest) oldest = clock->begun;
     if (clock->accepted > oldest) oldest = clock->accepted;
+    if (clock->over > oldest) oldest = clock->over;
     trail->past = &state->past;
     trail->oldest = oldest;
     trail->n = clock->index - oldest + 1;
@@ -179,12 +180,7 @@ static void trail_of(const State *state, Trail *trail)
    left has nothing more to tell. */
 static void lose(State *state)
 {
-    if (state->clock.alarm >= 0 && leader_of(&state->bank) < 0) {
-        state->clock.alarm = -1;
-        clear_bank(state);
-        forget_sure(&state->sure);
-        forget_settled(&state->settled);
-    }
+    if (state->clock.alarm >= 0 && leader_of(&state->bank) < 0) end_alarm(state);
     state->clock.begun = -1;
     state->clock.running = 0;
     for (int k = 0; k < N_INPUTS; k++) state->inputs.odd[k] = NAN;
@@ -307,12 +303,13 @@ static int is_due(const State *state)
     return (clock->index - clock->alarm) % DIAGNOSIS_EVERY == 0 || (job->renewals == 0 && job->settled == clock->index);
 }
 
-/* Give the diagnosis of now, and keep in mind what is sure. */
+/* Give the diagnosis of now, and keep in mind what is sure; or it is the last one, as the alarm is over. */
 static void conclude_and_settle(State *state, Diagnosis *found, RankingMemory *memory)
 {
     conclude(state, found, memory);
     note_missed(&memory->ranking, found, &state->bank);
     settle_on(&state->settled, found, state->clock.index);
+    found->is_over = end_harmless(state, memory);
 }
 
 /* Update the sums, raise the alarm, renew the bank. */
@@ -407,7 +404,7 @@ static void pass_outside(State *state, const Sample *sample, Report *report, Dia
     }
     if (clock->alarm >= 0) state->alarm.outside++;
     put_off(&state->sure);
-    put_off(&state->settled.now);
+    put_off_settling(&state->settled);
     report_nothing(report, OUTSIDE);
     for (int j = 0; j < N_OUTPUTS && clock->running; j++) report->cusum[j] = statistic(&state->sensors, j);
     report->due = is_due(state);

@@ -8,7 +8,8 @@ typedef struct {
     whole running;    /* 1 once the filter runs */
     whole alarm;      /* sample of the alarm */
     whole detections; /* alarms so far */
-    whole accepted;   /* sample at which a diagnosis was accepted last */
+    whole accepted;   /* sample at which a diagnosis was accepted last, */
+    whole over;       /* and at which an alarm was over by itself */
     whole silent;     /* samples without any value, up to this one */
     whole quiet;      /* 1: no alarm is raised, as where a model is tried; 2: ALARMS_ONLY */
     whole outside;    /* samples up to this one at which the model did not hold */

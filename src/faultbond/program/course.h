@@ -97,7 +97,11 @@ static void tell_diagnosis(Course *course, int64_t point, int is_outside)
     fb_advice(memory->state, memory->work, &course->diagnosis, &course->advice);
     write_diagnosis(course->json, &course->diagnosis, &course->advice, is_outside);
     course->told = point;
-    if (course->level < 0.0 || is_outside) return;
+    if (course->diagnosis.is_over) {
+        note_over(&course->found);
+        write_over(course->json, course->diagnosis.time, plant_alarm(course->plant).time);
+    }
+    if (course->level < 0.0 || is_outside || course->diagnosis.is_over) return;
     const int64_t hypothesis = fb_sure(memory->state, &course->diagnosis, course->level);
     if (hypothesis < 0) return;
     if (fb_accept(memory->state, memory->work, hypothesis, &course->candidate)) {

@@ -51,6 +51,7 @@ def render_report(
     start = float(history.time[0]) if len(history.time) else 0.0
     marks = [mark for item in history.detections for mark in ((item.change_time, "onset"), (item.time, "alarm"))]
     marks += [(item.time, "accepted") for item in history.accepted if item.time >= start]
+    marks += [(time, "over") for time in history.over if time >= start]
     return render_page(
         "report.html.j2",
         sections,

@@ -119,9 +119,9 @@ class RunView:
     """All that is said of a run, in one notation, as terminal and page show it.
 
     state: `fault`, `open`, `partial` or `healthy`. notes: what was not watched. period, span: first and last time, and
-    how long that is. events: alarms, and what was accepted or rejected, in the order of time; True: an alarm.
-    diagnosis: of the fault that is open, with its rows and checks. several: whether candidates cannot be told from the
-    best. remainder, left_out: candidates that the rows leave out, and what may be true beside all candidates.
+    how long that is. events: alarms, that they are over, and what was accepted or rejected, in the order of time; True:
+    an alarm. diagnosis: of the fault that is open, with its rows and checks. several: whether candidates cannot be told
+    from the best. remainder, left_out: candidates that the rows leave out, and what may be true beside all candidates.
     contradicted: that the data contradict all of them; empty where they do not.
     """
 
@@ -153,6 +153,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
     ]
     events += [(item.time, accepted_sentence(graph, item), False) for item in history.accepted]
     events += [(item.time, rejected_sentence(graph, item), False) for item in history.rejected]
+    events += [(time, over_sentence(time), False) for time in history.over]
     diagnosis = open_diagnosis(history)
     rows = table_rows(graph, diagnosis, notation) if diagnosis else ()
     return RunView(
@@ -216,7 +217,7 @@ def last_diagnosis(history: History) -> Diagnosis | None:
 
 
 def open_diagnosis(history: History) -> Diagnosis | None:
-    """Give the last diagnosis of the fault for which nothing was accepted yet."""
+    """Give the last diagnosis of the alarm that is open."""
     began, last = history.open, last_diagnosis(history)
     return last if began is not None and last is not None and last.time >= began.time else None
 
@@ -304,6 +305,11 @@ def rejected_sentence(graph: BondGraph, rejected: Decision) -> str:
     return f"Rejected at {clock_text(rejected.time)}: {named}{more}."
 
 
+def over_sentence(time: float) -> str:
+    """Say that an alarm was over by itself."""
+    return f"Over by itself at {clock_text(time)}: for long nothing was further off than healthy parts may be."
+
+
 def decided_text(graph: BondGraph, decided: Sequence[Decision]) -> str:
     """Name what was accepted or rejected, and when: `pipe K1 at 1885 s and leak K6 at 3900 s`; empty for none."""
     return join([f"{_set_and_kind(graph, item.candidate)} at {clock_text(item.time)}" for item in decided])
@@ -332,7 +338,10 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
         repaired, taken = ([item for item in history.accepted if item.repaired is is_so] for is_so in (True, False))
         told = [f"Repaired: {decided_text(graph, repaired)}."] if repaired else []
         told += [f"Accepted as the new normal: {decided_text(graph, taken)}."] if taken else []
-        return " ".join([*told, "No other fault was found."])
+        if history.accepted:
+            return " ".join([*told, "No other fault was found."])
+        which = "The alarm was" if len(history.over) == 1 else "Each alarm was"
+        return f"{which} over by itself: nothing was further off than healthy parts may be. No fault is claimed."
     if history.open is None:
         span = duration_text(_span(graph, history, counts))
         return f"No fault found {_watched(graph, counts)}in {counts.samples} samples ({span})."

@@ -51,6 +51,7 @@ def diagnosis_of(spec: EngineSpec, found: Any) -> Diagnosis:
         mismatch=float(found["mismatch"]),
         superseded=Superseded(components=tuple(parts), until=float(found["superseded_until"])) if parts else None,
         elsewhere=tuple(spec.parameters[int(k)].name for k in elsewhere),
+        over=bool(found["is_over"]),
     )
 
 

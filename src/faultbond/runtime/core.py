@@ -104,6 +104,7 @@ class Core:
                     (name, _INT)
                     for name in (
                         "n_candidates",
+                        "is_over",
                         "is_unexplained",
                         "has_untested",
                         "untested_sets",

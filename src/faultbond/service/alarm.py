@@ -1,7 +1,8 @@
 """The alarm of an asset, and what a person may do with it, by ISA-18.2 (IEC 62682).
 
 There is one alarm for each diagnosis event: it becomes active with a detection, and returns to normal when a diagnosis
-was accepted or the fault repaired. That it was seen (acknowledged) is one thing, what is made of the diagnosis another.
+was accepted, the fault repaired, or nothing was at fault for long. That it was seen (acknowledged) is one thing, what
+is made of the diagnosis another.
 """
 
 from dataclasses import dataclass, replace
@@ -27,9 +28,9 @@ class AlarmState(Enum):
 class Alarm:
     """An alarm as it stands.
 
-    active: whether there is a detection for which nothing was accepted. since: of the last change of that, on the
-    recording's clock. acknowledged_by: who has seen it; empty where nobody has. unseen: whether it was active and
-    nobody has acknowledged it since (a latch). shelved_until: by the clock of the service.
+    active: whether there is a detection for which nothing was accepted, and that is not over by itself. since: of the
+    last change of that, on the recording's clock. acknowledged_by: who has seen it; empty where nobody has. unseen:
+    whether it was active and nobody has acknowledged it since (a latch). shelved_until: by the clock of the service.
     """
 
     active: bool = False
@@ -45,7 +46,7 @@ class Alarm:
         return replace(self, active=True, since=time, unseen=True, acknowledged_by="")
 
     def returned(self, time: float) -> "Alarm":
-        """Give it after what was detected has been accepted, or repaired."""
+        """Give it after what was detected has been accepted or repaired, or was nothing."""
         return replace(self, active=False, since=time)
 
     def state(self, now: float) -> AlarmState:

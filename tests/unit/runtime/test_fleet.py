@@ -24,6 +24,7 @@ from faultbond.runtime.monitor import Monitor
 from faultbond.simulate import Fault
 from faultbond.synthesis.compile import TIDY, find_compiler, required_compiler
 from faultbond.synthesis.engine import build_engine
+from made import differing
 from plants import LAMP
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
@@ -251,6 +252,26 @@ def test_an_asset_comes_back_after_a_diagnosis_was_accepted(hypothesis: str) -> 
     assert sum(event.kind is EventKind.DETECTION for event in events) >= 2
     assert repr([event for event in said if event.asset == asset]) == repr(list(in_order(events)))
     assert fleet.copy(asset).number("clock.index") == monitor.number("clock.index")
+
+
+def test_an_asset_comes_back_after_its_alarm_was_over() -> None:
+    """By itself, since nothing was at fault: some hundred samples later it is watched side by side again."""
+    _, core = built("dc_motor_current")
+    rows, asset = 1800, 2
+    time, u, y = of_runs("dc_motor_current", [None] * 4, rows)
+    y[asset, 400:460, 0] += 1.5 * built("dc_motor_current")[0].output_noise[0]
+    monitor, events = watched(core, samples_of((time, u, y), asset), asset)
+    assert any(event.diagnosis is not None and event.diagnosis.over for event in events)
+    fleet = Fleet(core, 4)
+    said, alarmed = list(fleet.block(time[:1000], u[:, :1000], y[:, :1000])), fleet.in_alarm
+    for begin in range(1000, rows, 100):
+        part = slice(begin, begin + 100)
+        said += fleet.block(time[part], u[:, part], y[:, part])
+    assert (alarmed, fleet.in_alarm, dict(fleet.monitors)) == ((asset,), (), {})
+    assert repr([event for event in said if event.asset == asset]) == repr(list(in_order(events)))
+    assert {name.partition(".")[0] for name in differing(fleet.copy(asset), monitor)} == {
+        "alarm"
+    }  # which one was the last
 
 
 def test_two_fleets_of_one_core_know_nothing_of_each_other() -> None:

@@ -14,7 +14,7 @@ def told(kind: str, time: float, content: Mapping[str, Any]) -> NamedRecord:
     return NamedRecord(id=f"tank/{time}", asset="tank", sample=int(time), time=time, kind=kind, content=content)
 
 
-def test_events_are_alarms_and_what_a_rule_accepted() -> None:
+def test_events_are_alarms_and_how_they_ended() -> None:
     """Each tells behind which deed it came; what a person accepted is a deed, and no event."""
     walk = {"parameter": "K1", "sd": 4.0, "from_start": False, "together": False}
     pipe = {"components": ["pipe"], "probability": 0.993, "repaired": False}
@@ -25,10 +25,15 @@ def test_events_are_alarms_and_what_a_rule_accepted() -> None:
         told("accepted", 1504.0, {**pipe, "by": "rule"}),
         told("detection", 1604.0, {"signals": [], "walk": walk}),
         told("accepted", 1704.0, {**pipe, "by": "person"}),
+        told("detection", 1804.0, {"signals": ["flow"]}),
+        told("over", 1904.0, {"detection": 1804.0}),
     ]
     assert {item.kind for item in journal if isinstance(item, NamedRecord)} == set(EVENTS)
     ended = f"Alarm ended: a rule accepted pipe (99.3{NO_BREAK}%)."
+    by_itself = "Alarm ended by itself: for long nothing was further off than healthy parts may be."
     assert events_of(journal) == [
+        {"time": 1904.0, "text": by_itself, "alarm": False, "behind": 7},
+        {"time": 1804.0, "text": "Alarm raised, seen in flow.", "alarm": True, "behind": 7},
         {"time": 1604.0, "text": "Alarm raised, as K1 had to move too far.", "alarm": True, "behind": 7},
         {"time": 1504.0, "text": ended, "alarm": False, "behind": 7},
         {"time": 1404.0, "text": "Alarm raised, seen in flow and pressure.", "alarm": True, "behind": 0},
