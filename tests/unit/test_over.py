@@ -23,7 +23,7 @@ from faultbond.service.shown import events_of
 from faultbond.simulate import Fault, Inputs, random_steps, simulate
 from faultbond.synthesis.compile import find_compiler
 from faultbond.synthesis.engine import build_core
-from made import EXAMPLES, changed, graph_of, in_full, samples_of, spec_of
+from made import EXAMPLES, changed, graph_of, in_full, plant, recorded, run, samples_of, spec_of
 from watching import Said, assert_same, ran, watched
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
@@ -107,9 +107,9 @@ def test_it_is_said(recording: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
 
 def test_the_alarm_of_an_asset_returns_to_normal(recording: Path) -> None:
     """By itself, and unacknowledged, where nobody has seen it; the journal says why."""
-    plant = find_plant(MODEL, Wanted())
-    asset = Asset("rc", plant)
-    block = joined_rows(list(read_blocks(str(recording), plant.columns)))
+    found = find_plant(MODEL, Wanted())
+    asset = Asset("rc", found)
+    block = joined_rows(list(read_blocks(str(recording), found.columns)))
     records = [*asset.take(block.part(slice(900))).records]
     assert asset.alarm.state(0.0) is AlarmState.UNACKNOWLEDGED
     records += asset.take(block.part(slice(900, 1500))).records
@@ -179,6 +179,44 @@ def test_it_is_not_over(known: dict[str, float]) -> None:
     watch(monitor, 0, 1000)
     assert watch(monitor.copy(), 1000, 1100)[1] != []
     assert watch(changed(monitor, **known), 1000, 1100)[1] == []
+
+
+def test_what_the_healthy_filter_summed_up_is_forgotten() -> None:
+    """It was off, and what goes on is another: there is no alarm by what it was off."""
+    monitor = Monitor(motor_core())
+    watch(monitor, 0, 1000)
+    off = changed(monitor, **{"sensors.cusum": 1e3})
+    raised, over = watch(off, 1000, 1200)
+    assert (raised, len(over)) == ([], 1)
+
+
+@pytest.mark.parametrize("contradicted", [False, True])
+def test_what_the_data_contradict_is_not_learned(contradicted: bool) -> None:
+    """Then the healthy filter goes on where it stands."""
+    _, spec, core = plant("rc")
+    samples = [replace(one, y=one.y + 0.15 * (400 <= k < 460)) for k, one in enumerate(recorded("rc", 1200))]
+    monitor, _ = run(core, samples[:1100])
+    sums = monitor.numbers("bank.sums").reshape(2, len(spec.outputs), -1)
+    if contradicted:
+        sums[:, :, : monitor._steps] = 1e4
+    monitor, moved = changed(monitor, **{"bank.sums": sums}), []
+    for sample in samples[1100:]:
+        before = monitor.numbers("healthy.lane")[spec.parameter_slice]
+        report = monitor.step(sample)
+        if report.diagnosis is not None and report.diagnosis.over:
+            moved.append(np.abs(monitor.numbers("healthy.lane")[spec.parameter_slice] - before).max())
+    assert [move < 1e-3 for move in moved] == [contradicted]
+
+
+def test_no_filter_of_the_next_alarm_begins_before_it() -> None:
+    """What the healthy filter was until then is not what goes on."""
+    monitor = Monitor(motor_core())
+    _, (over,) = watch(monitor, 0, 1042)
+    for sample in motor_samples()[1042:1300]:
+        monitor.step(replace(sample, y=sample.y + np.array([0.0, 0.25])))
+    assert monitor.number("clock.alarm") > 0
+    begun = monitor.numbers("bank.onset")
+    assert begun[begun > 0].min() >= over
 
 
 def test_what_is_not_judged_does_not_count(recording: Path, tmp_path: Path) -> None:

@@ -128,7 +128,7 @@ static int is_corrected(const Normal *normal)
 }
 
 /* Let an asset that is away come back; between two samples, of which the next one has a number that is divided by KEPT_EVERY.
-   It can once its trail, since a diagnosis was accepted, an alarm was over or its filter began anew, can be made again; 1 where it is here. */
+   It can once its trail, since a diagnosis was accepted or its filter began anew, can be made again; 1 where it is here. */
 static int64_t come_back(Fleet *fleet, int64_t asset, const State *state)
 {
     Group *group = group_of(fleet, asset / FB_LANES);
@@ -136,8 +136,7 @@ static int64_t come_back(Fleet *fleet, int64_t asset, const State *state)
     const Clock *clock = &state->clock;
     if (clock->alarm >= 0 || !clock->running || fleet->index % KEPT_EVERY != 0) return 0;
     lane_to(group->kept[fleet->index / KEPT_EVERY % N_KEPT], l, N_LIVE, (const double *)(const void *)state);
-    const int64_t decided = clock->accepted > clock->over ? clock->accepted : clock->over;
-    const int64_t since = decided > group->left[l] ? decided : group->left[l];
+    const int64_t since = clock->accepted > group->left[l] ? clock->accepted : group->left[l];
     for (int64_t back = fleet->index; back > fleet->index - N_KEPT * KEPT_EVERY; back -= KEPT_EVERY) {
         int64_t kept; /* the first number is that of samples seen */
         if (back <= since) return 0;

@@ -95,7 +95,6 @@ static int64_t detect(State *state)
     if (!crossed) found.crossed[leading] = 1; /* of an alarm that no sum raised, the sensor with the largest */
     int64_t oldest = clock->begun;
     if (clock->accepted + 1 > oldest) oldest = clock->accepted + 1;
-    if (clock->over + 1 > oldest) oldest = clock->over + 1;
     if (clock->index - HISTORY_SAMPLES > oldest) oldest = clock->index - HISTORY_SAMPLES;
     found.walker = found.window = found.old = -1;
     found.walk = 0.0;
