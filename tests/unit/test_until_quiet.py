@@ -83,14 +83,11 @@ from faultbond.report.quiet_result import (
     _added_row,
     _beside_words,
     amended_text,
-    lowered_text,
     quiet_parts,
     quiet_verdict,
-    raised_text,
-    widened_text,
-    with_stated_accuracies,
 )
 from faultbond.report.reservations import unexplained_sentence
+from faultbond.report.resized import lowered_text, raised_text, widened_text, with_stated_accuracies
 from faultbond.runtime.core import Core
 from faultbond.synthesis.engine import build_model
 from faultbond.types import Hold

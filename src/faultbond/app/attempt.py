@@ -3,22 +3,29 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from math import hypot
+
+import numpy as np
 
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
 from faultbond.app.engine import build_watcher
 from faultbond.app.realisations import compiled_detector
 from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
+from faultbond.fit.foothold import Added
 from faultbond.fit.healthy_changes import healthy_changes
 from faultbond.fit.held_back import Recordings
+from faultbond.fit.imperfections import Imperfection
+from faultbond.fit.lasting_error import as_noise, lasting_errors
 from faultbond.fit.quiet_search import Tell
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.trial import MONTH, ROOM, Health, alarms_of, enough, on_trial, strayed_on, widest_of
-from faultbond.model.graph import BondGraph
+from faultbond.model.graph import BondGraph, SlowError
 from faultbond.model.text import parse_model
 from faultbond.model.validity import without_states
 from faultbond.report.fit_result import Fitted
-from faultbond.report.quiet_result import Resized, lowered_text, raised_text, widened_text
+from faultbond.report.quiet_result import amended_text
+from faultbond.report.resized import Resized, lowered_text, raised_text, widened_text
 from faultbond.runtime.core import Core
 from faultbond.synthesis.engine import build_model
 
@@ -103,15 +110,59 @@ def widened(attempt: Attempt, tell: Tell) -> Attempt:
     return replace(wider, widened=before | {name: before.get(name, 1.0) * x for name, x in times.items()})
 
 
-def raised_until_quiet(attempt: Attempt, promise: float, tell: Tell) -> tuple[Attempt, tuple[Resized, ...]]:
-    """Declare accuracies, noise or slow errors larger, as little as it takes; as it was where nothing is enough."""
+def raised_until_quiet(
+    attempt: Attempt, promise: float, tell: Tell
+) -> tuple[Attempt, tuple[Resized, ...], tuple[Imperfection, ...]]:
+    """Declare accuracies, noise or slow errors larger, as little as it takes; as it was where nothing is enough.
+
+    Gives also the slow errors of sensors that it takes in place of shorter ones, or of none, where all is louder
+    without them.
+    """
     variant = enough(attempt.core, attempt.records, promise)
-    if variant is None:
-        return attempt, ()
-    text, raised = raised_text(attempt.text, attempt.graph, variant)
+    plain = None if variant is None else raised_text(attempt.text, attempt.graph, variant)
+    lasting = lasting_errors(attempt.graph, attempt.health)
+    if not lasting or (variant is not None and variant.accuracy > 1.0):
+        return (attempt, (), ()) if plain is None else (*_raised(attempt, *plain, tell), ())
+    tell(f"asking for slow errors that last: {', '.join(item.words for item, _ in lasting)}")
+    louder = _with_lasting(attempt, lasting, promise)
+    if louder is None or (plain is not None and _loudness(plain[0], attempt) <= _loudness(louder[0], attempt)):
+        return (attempt, (), ()) if plain is None else (*_raised(attempt, *plain, tell), ())
+    gone = {item.target for _, item in lasting if item is not None}
+    noises = (x for x in attempt.fitted.noises if not (isinstance(x.of, SlowError) and x.name in gone))
+    known = replace(attempt, fitted=replace(attempt.fitted, noises=tuple(noises)))
+    return (*_raised(known, *louder, tell), tuple(item for item, _ in lasting))
+
+
+def _raised(
+    attempt: Attempt, text: str, raised: tuple[Resized, ...], tell: Tell
+) -> tuple[Attempt, tuple[Resized, ...]]:
+    """Put a model on trial that declares more."""
     read = [(item.name, item.points) for item in attempt.records]
     wider = replace(put_on_trial(text, attempt.fitted, read, tell), widened=attempt.widened)
     return widened(wider, tell), raised
+
+
+def _with_lasting(
+    attempt: Attempt, lasting: Sequence[tuple[Imperfection, SlowError | None]], promise: float
+) -> tuple[str, tuple[Resized, ...]] | None:
+    """Give the text of a model with slow errors that last, and what must be declared larger with them; None: none."""
+    new = [Added(what=item, trained=0.0, held=0.0) for item, _ in lasting]
+    text = amended_text(attempt.text, attempt.graph, new)
+    graph = parse_model(text, file=attempt.graph.file)
+    core = build_watcher(graph)
+    records = [healthy_recording(item.name, item.points, core) for item in attempt.records]
+    times = {item.place: replaced for item, replaced in lasting}
+    noise = [as_noise(item.noise, times.get(item.name)) for item in graph.sensors]
+    variant = enough(core, records, promise, noise=noise)
+    return None if variant is None else raised_text(text, graph, variant)
+
+
+def _loudness(text: str, attempt: Attempt) -> float:
+    """Give how much is declared as noise and slow errors, a sum of logarithms."""
+    graph = parse_model(text, file=attempt.graph.file)
+    sizes = {item.target: item.sd for item in graph.slow_errors}
+    sensors = [hypot(item.noise, sizes.pop(item.name, 0.0)) for item in graph.sensors]
+    return float(np.sum(np.log([*sensors, *sizes.values()])))
 
 
 def lowered_if_quiet(attempt: Attempt, tell: Tell) -> Attempt:

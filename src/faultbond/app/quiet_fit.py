@@ -40,12 +40,8 @@ from faultbond.model.text import parse_model
 from faultbond.report.doubts import earlier_doubt
 from faultbond.report.fit_result import Fitted, fitted_model, not_shown, unsteady
 from faultbond.report.numbers import duration_text
-from faultbond.report.quiet_result import (
-    Quieted,
-    Resized,
-    amended_text,
-    with_stated_accuracies,
-)
+from faultbond.report.quiet_result import Quieted, amended_text
+from faultbond.report.resized import Resized, with_stated_accuracies
 from faultbond.synthesis.engine import build_model
 
 LEAST = 60  # samples of a part of the recordings
@@ -156,8 +152,8 @@ def _steps(
     raised: tuple[Resized, ...] = ()
     if not attempt.quiet:
         tell("raising what must be declared larger")
-        attempt, raised = raised_until_quiet(attempt, promise, tell)
-        now = _tried(now, attempt, raised)
+        attempt, raised, lasting = raised_until_quiet(attempt, promise, tell)
+        now = replace(_tried(now, attempt, raised), lasting=lasting)
         yield _known(now)
     attempt = lowered_if_quiet(attempt, tell)
     now = _tried(now, attempt, raised)

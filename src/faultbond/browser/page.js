@@ -170,6 +170,7 @@ function headline(run, detection, diagnosis, isAtEnd) {
   if (diagnosis) return ["fault", verdictSentence(diagnosis, detection), earlySentence(diagnosis, detection)];
   if (detection) return ["fault", "A fault was detected; there is no diagnosis yet.", ""];
   if (isAtEnd && run.over.code === 0) return healthyHeadline(run);
+  if (isAtEnd && run.over.code === 1) return ["partial", overSentence(run.ended.length), ""];
   if (isAtEnd) return ["open", "The recording could not be read to its end.", ""];
   const isWatching = phaseOf(run, state.shown) >= 3;
   return isWatching ? ["watching", "No fault so far.", ""] : ["watching", "Getting to know the plant.", `Alarms are off for the first ${withNoun(MODEL.warmUp, "sample")}.`];
@@ -191,6 +192,10 @@ function silenceText({ name, values, since, until }) {
   if (since == null) return `${name} before ${clockText(until)}`;
   return `${name} from ${clockText(since)} ${until == null ? "on" : `to ${clockText(until)}`}`;
 }
+
+// That no alarm is open any more, and nobody was told of a fault.
+const overSentence = (count) =>
+  `${count === 1 ? "The alarm was" : "Each alarm was"} over by itself: nothing was further off than healthy parts may be. No fault is claimed.`;
 
 const alarmText = (detection) => `${MODEL.falseAlarms ? "Alarm" : "Fault detected"} at ${clockText(detection.time)}.`;
 

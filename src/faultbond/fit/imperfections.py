@@ -21,7 +21,7 @@ from faultbond.model.graph import BondGraph, Component, Parameter, Relation, Slo
 from faultbond.model.parser import to_text
 from faultbond.types import Hold
 
-MOST_FOLLOWED = 30  # states, slow errors and noise of inputs of a filter in which all is tried at once
+MOST_FOLLOWED = 60  # states, slow errors and noise of inputs of a filter in which all is tried at once
 LEAST_PLACES = 6  # slow errors that are tried however large the plant is
 LAG_ACCURACY, LAG_CHANGE = 0.1, 2.0  # parts of a lag, or of a highest rate, that was found
 TERM_ACCURACY, TERM_CHANGE = 1.0, 2.0  # parts of an offset, or of the power of a curve, that was found

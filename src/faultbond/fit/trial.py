@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultbond.arrays import FloatArray
-from faultbond.fit.false_alarms import SENSOR, Rate, alarm_rates, between_alarms
+from faultbond.contract.spec import EngineSpec
+from faultbond.fit.false_alarms import Rate, alarm_rates, between_alarms
 from faultbond.fit.hints import Early, Late, early_sensors, late_sensors, mirrored_sensors
 from faultbond.fit.innovations import Variant, Watch, strayed_in, take_recordings, watch_recording, watch_taken
 from faultbond.fit.lack_of_fit import Moment, Region, moments, wrong_regions
@@ -19,8 +20,9 @@ MONTH = 30.0 * 86400.0  # s
 WIDER = (1.5, 2.0, 3.0)  # times the accuracies that are tried alone
 WIDEST = WIDER[-1]  # times as large; a parameter that needs more is no constant
 LOOSEST = 10.0  # and of one that is no suspect
-RISE, MOST_RISES = 1.25, 24  # by which noise or slow errors rise, and how often
-LARGEST = 5.0  # times a slow error; one that must be larger is none
+RISE, MOST_RISES = 1.25, 40  # by which noise or slow errors rise, and how often
+LARGEST, LOUDEST = 5.0, 20.0  # times a slow error, and a noise; one that must be larger is none
+LASTING = 20.0  # samples; a slow error of a sensor that is shorter is much like its noise
 KINDS = ("accuracy", "noise", "slow")
 ROOM = 0.8  # of every limit: recordings that are as quiet are so on other days too
 
@@ -195,14 +197,22 @@ def alarms_of(core: Core, records: Sequence[HealthyRecording]) -> dict[str, floa
     return {name: time for name, time in found.items() if time is not None}
 
 
-def enough(core: Core, records: Sequence[HealthyRecording], promise: float, most: float = ROOM) -> Variant | None:
+def enough(
+    core: Core,
+    records: Sequence[HealthyRecording],
+    promise: float,
+    most: float = ROOM,
+    *,
+    noise: Sequence[float] | None = None,
+) -> Variant | None:
     """Give what must be declared larger for the promise to be kept, as little as that takes; None: nothing is enough.
 
-    All statistics shall stay below `most` of their limits.
+    All statistics shall stay below `most` of their limits. noise: how many times as large that of each sensor is at
+    least.
 
     First accuracies alone, which cost little, since parameters are learned; then, with accuracies as they are, step by
-    step the noise of the sensor that alarms most often, or the slow error that does; this no more than LARGEST times,
-    since a plant that may do anything is quiet and deaf.
+    step what alarms most often: a slow error, or of a sensor its noise or its own slow error, whichever helps more. No
+    slow error more than LARGEST times, since a plant that may do anything is quiet and deaf, nor noise LOUDEST times.
     """
     step, taken = _step(records), take_recordings(core, records)
 
@@ -210,28 +220,47 @@ def enough(core: Core, records: Sequence[HealthyRecording], promise: float, most
         seen = [item for (item,) in watch_taken(core, taken, (variant,))]
         return alarm_rates(core.spec, seen, step)
 
-    def keeps(found: tuple[Rate, ...]) -> bool:
-        return max((item.peak for item in found), default=0.0) <= most and between_alarms(found) >= promise
+    def missing(found: tuple[Rate, ...]) -> tuple[float, float]:
+        return sum(max(item.peak / most - 1.0, 0.0) for item in found), max(promise - between_alarms(found), 0.0)
 
-    for factor in WIDER if core.spec.parameters else ():
-        if keeps(rates(Variant(accuracy=factor))):
+    for factor in WIDER if core.spec.parameters and noise is None else ():
+        if not any(missing(rates(Variant(accuracy=factor)))):
             return Variant(accuracy=factor)
-    noise, slow = [1.0] * len(core.spec.outputs), [1.0] * len(core.spec.slow_errors)
-    alarming = [k for k, item in enumerate(core.spec.slow_errors) if item.alarms]
+    now = Variant(noise=tuple(noise or (1.0,) * len(core.spec.outputs)), slow=(1.0,) * len(core.spec.slow_errors))
+    found = rates(now)
     for _ in range(MOST_RISES):
-        now = Variant(noise=tuple(noise), slow=tuple(slow))
-        found = rates(now)
-        if keeps(found):
+        if not any(missing(found)):
             return now
         # First what comes too near to its limit, then what alarms most often.
         worst = min(range(len(found)), key=lambda k: (found[k].peak <= most, found[k].between, -found[k].peak))
-        if found[worst].kind == SENSOR:
-            noise[worst] *= RISE
-            continue
-        slow[alarming[worst - len(noise)]] *= RISE
-        if max(slow) > LARGEST:
+        tried = [(larger, rates(larger)) for larger in _larger(core.spec, now, worst, step)]
+        if not tried:
             return None
+        now, found = min(tried, key=lambda one: missing(one[1]))
     return None
+
+
+def _larger(spec: EngineSpec, now: Variant, worst: int, step: float) -> list[Variant]:
+    """Give what may be declared larger by a step, of all and with it, where statistic number `worst` is too large."""
+    noise, slow = np.array(now.noise), np.array(now.slow)
+    if worst < len(noise):
+        own = [
+            k
+            for k, item in enumerate(spec.slow_errors)
+            if item.name == spec.outputs[worst].name and item.memory >= LASTING * step
+        ]
+    else:
+        own = [[k for k, item in enumerate(spec.slow_errors) if item.alarms][worst - len(noise)]]
+    louder = [worst] if worst < len(noise) and noise[worst] * RISE <= LOUDEST else []
+    return [
+        *(replace(now, noise=_risen(noise, j)) for j in louder),
+        *(replace(now, slow=_risen(slow, k)) for k in own if slow[k] * RISE <= LARGEST),
+    ]
+
+
+def _risen(sizes: FloatArray, k: int) -> tuple[float, ...]:
+    """Give sizes (n,) of which number k is larger by a step."""
+    return tuple((np.where(np.arange(len(sizes)) == k, RISE, 1.0) * sizes).tolist())
 
 
 def _step(records: Sequence[HealthyRecording]) -> float:

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from rich.console import Console
@@ -22,38 +22,26 @@ from faultbond.fit.imperfections import (
     parameter_name,
     with_imperfections,
 )
-from faultbond.fit.innovations import Variant
-from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.trial import Health
-from faultbond.model.amend import Path, amended, with_correlations
-from faultbond.model.correlations import correlation_rows
+from faultbond.model.amend import Path, amended
 from faultbond.model.dump import law_text, scalar_text
 from faultbond.model.expression import Binary, Name, Number, powers, without_factor
 from faultbond.model.graph import BondGraph, SlowError, Unit
 from faultbond.model.parser import to_text
-from faultbond.model.rewrite import MARK, NewSize, parameter_path, rewrite
-from faultbond.model.text import parse_model
+from faultbond.model.rewrite import MARK, parameter_path
 from faultbond.report.analysis import begun_lines, heat_lines
 from faultbond.report.console import lines, table, title, under
 from faultbond.report.doubts import stray_records
-from faultbond.report.fit_result import Fitted, spread_text
+from faultbond.report.fit_result import Fitted
 from faultbond.report.health import spacing_text, where_lines
 from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, join, rounded_up, short, unit_text
+from faultbond.report.resized import Resized
 from faultbond.report.suspects import unit_of
 
 MOST_LEFT = 3  # places that are named as worth a look
 TOLD = 3.0  # nats; what gains less is no place to look at
-SMALLER = 0.9  # times what is declared; a slow error that may be less small than that stays as it is
 DEAF = 0.5  # of a value; a part that has to change by more is hardly watched
 DEAFER = 2.0  # times what had to change before, where that was as much
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Resized:
-    """Something that must be declared larger, or may be declared smaller, and how many times as large."""
-
-    what: str
-    times: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,8 +51,9 @@ class Quieted:
     text : of the model file; held : recordings, or parts, that were held back; stated : whether the model as given
     promises a time between false alarms, and promise : that time, else the one that was written; before, health : the
     model as given and as it is now, on trial, None where the search was stopped before; alarms : when the monitor
-    itself alarms still, by recording; left : what the last round would have added, with what it would gain on the
-    recordings that are fitted; stopped : the signal that ended the search; failed : the error that did
+    itself alarms still, by recording; lasting : slow errors of sensors without which more would have been raised;
+    left : what the last round would have added, with what it would gain on the recordings that are fitted; stopped :
+    the signal that ended the search; failed : the error that did
     """
 
     fitted: Fitted
@@ -73,6 +62,7 @@ class Quieted:
     stated: bool
     promise: float
     added: tuple[Added, ...] = ()
+    lasting: tuple[Imperfection, ...] = ()
     raised: tuple[Resized, ...] = ()
     lowered: tuple[Resized, ...] = ()
     before: Health | None = None
@@ -241,73 +231,6 @@ def _in_brackets(unit: str) -> str:
     return f"({unit})" if re.search(r"[*/ ]", unit) else unit
 
 
-def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tuple[Resized, ...]]:
-    """Give a model text with accuracies, noise and slow errors so many times as large, and what was raised."""
-    noise = variant.noise if isinstance(variant.noise, tuple) else (variant.noise,) * len(graph.sensors)
-    raised = [Resized(what=f"noise of {item.name}", times=x) for item, x in zip(graph.sensors, noise, strict=True)]
-    sizes = [NewSize(name=item.name, times=x) for item, x in zip(graph.sensors, noise, strict=True) if x != 1.0]
-    slow = variant.slow if isinstance(variant.slow, tuple) else (variant.slow,) * len(graph.slow_errors)
-    larger = [(item, x) for item, x in zip(graph.slow_errors, slow, strict=True) if x != 1.0]
-    sizes += [NewSize(name=item.target, times=x, kind=item.kind) for item, x in larger]
-    text = rewrite(text, graph, (), sizes)
-    if variant.accuracy != 1.0:
-        text = widened_text(text, graph, {item.name: variant.accuracy for item in graph.parameters})
-    told = (
-        *raised,
-        *(
-            Resized(what=f"{'wander' if item.wanders else 'slow error'} of {item.target}", times=x)
-            for item, x in larger
-        ),
-        Resized(what="accuracies of the parameters", times=variant.accuracy),
-    )
-    return text, tuple(item for item in told if item.times != 1.0)
-
-
-def lowered_text(
-    text: str, graph: BondGraph, noises: Sequence[NoiseFound], part: float = 1.0
-) -> tuple[str, tuple[Resized, ...]]:
-    """Give a model text with slow errors no larger than the recordings tell, and which became smaller.
-
-    One that grows after inputs stays as it is declared. Others go a part of that way, as a ratio: of 1/4 half is 1/2.
-    """
-    sizes, told = [], []
-    for item in noises:
-        times = (item.at_most / item.declared) ** part
-        if isinstance(item.of, SlowError) and times < SMALLER and not item.of.after:
-            sizes.append(NewSize(name=item.name, times=times, kind=item.of.kind))
-            told.append(Resized(what=item.of.words, times=times))
-    return rewrite(text, graph, (), sizes), tuple(told)
-
-
-def widened_text(text: str, graph: BondGraph, times: Mapping[str, float]) -> str:
-    """Give a model text in which accuracies are so many times as large, by the name of the parameter."""
-    return amended(text, list(_accuracies(graph, times)), graph.file)
-
-
-def with_stated_accuracies(text: str, stated: BondGraph) -> str:
-    """Give a fitted model text in which no parameter is surer than it was stated, and none go together beyond that.
-
-    What has gone farther than was stated of it is known to as much as it has gone: half-way of a search it may stand
-    for what is missing elsewhere, and the next fit would else hold it there.
-    """
-    text = with_correlations(text, correlation_rows(stated.correlations))
-    read, times = parse_model(text, file=stated.file), dict[str, float]()
-    for item in stated.parameters:
-        found = read.parameter(item.name)
-        part = abs(found.nominal / item.nominal) if item.nominal else 1.0
-        known = max(item.accuracy * part, abs(found.nominal - item.nominal))
-        if found.accuracy > 0.0 and known > found.accuracy:
-            times[item.name] = known / found.accuracy
-    return widened_text(text, read, times)
-
-
-def _accuracies(graph: BondGraph, times: Mapping[str, float]) -> Iterator[tuple[Path, str]]:
-    for item in graph.parameters:
-        if item.accuracy > 0.0 and item.name in times:
-            wider = times[item.name] * item.accuracy
-            yield (*parameter_path(graph, item.name), "accuracy"), spread_text(wider, item.nominal, item.unit)
-
-
 def quiet_record(found: Quieted) -> Record:
     """Give the record of a fit until quiet; SI."""
     before, health = found.before, found.health
@@ -334,6 +257,7 @@ def quiet_record(found: Quieted) -> Record:
             }
             for item in found.added
         ],
+        "lasting": [{"of": item.place, "size": item.size, "memory": item.memory} for item in found.lasting],
         "raised": [{"what": item.what, "times": item.times} for item in found.raised],
         "lowered": [{"what": item.what, "times": item.times} for item in found.lowered],
         "promise": found.promise,
@@ -378,6 +302,7 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
     told += under("beside", _beside_words(found.added))
     told += under("curves", [_curve_words(graph, item.what) for item in found.added if item.what.by])
     told += under("trusted", _trusted_words(found))
+    told += under("lasting", _lasting_words(graph, found.lasting))
     for label, sizes in (("raised", found.raised), ("lowered", found.lowered)):
         told += under(label, [f"{item.what} {item.times:.2g} times as large" for item in sizes])
     if not found.stated:
@@ -411,6 +336,19 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
         left = "Nearest to an alarm" if found.quiet else "What could not be mended"
         parts.append(QuietPart(title=left, lines=tuple(_left_lines(found, found.health))))
     return tuple(parts)
+
+
+def _lasting_words(graph: BondGraph, lasting: Sequence[Imperfection]) -> list[str]:
+    """Say which slow errors were declared as long as what alarmed, with their sizes before they were raised."""
+    if not lasting:
+        return []
+    units = {item.name: item.unit for item in graph.sensors}
+    sizes = (f"{item.place} {_size_text(units[item.place], item)}" for item in lasting)
+    return [f"slow errors of sensors, as long as what alarmed: {join(list(sizes))}"]
+
+
+def _size_text(unit: Unit, item: Imperfection) -> str:
+    return f"{short(item.size / unit.factor)} {unit_text(unit.text)} over {duration_text(item.memory, digits=2)}"
 
 
 def _curve_words(graph: BondGraph, item: Imperfection) -> str:

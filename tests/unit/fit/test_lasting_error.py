@@ -1,0 +1,111 @@
+"""Slow errors of sensors that last as long as what alarms, where shorter ones, or none, leave a model loud."""
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+import pytest
+
+from faultbond.app.attempt import Attempt, raised_until_quiet
+from faultbond.app.engine import build_watcher
+from faultbond.contract.samples import Sample
+from faultbond.fit.lasting_error import as_noise, lasting_errors
+from faultbond.fit.outcome import NoiseFound
+from faultbond.fit.samples import healthy_recording
+from faultbond.fit.trial import LASTING, ROOM, enough, on_trial
+from faultbond.model.graph import BondGraph
+from faultbond.model.text import parse_model
+from faultbond.report.fit_result import Fitted
+from faultbond.simulate import Inputs, simulate
+from faultbond.synthesis.compile import find_compiler
+from made import samples_of
+from winding import MODEL
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
+TRUTH = MODEL.replace("R: 3 ohm", "R: 3.3 ohm").replace("nominal: 2.5 H", "nominal: 2.2 H")
+NOISE, ROWS, PROMISE = 0.05, 4000, 3600.0
+LASTS = 300  # samples of half of a wave
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """What is asked of a fit here."""
+
+    graph: BondGraph
+    noises: tuple[NoiseFound, ...] = ()
+
+
+def off(graph: BondGraph, size: float) -> tuple[Sample, ...]:
+    """Samples of the winding whose current is off by a wave of that size, in its noise."""
+    time = np.asarray(0.02 * np.arange(ROWS), dtype=np.float64)
+    u = np.asarray(20.0 * (1.0 + np.arange(ROWS) // 100 % 2), dtype=np.float64)[:, None]
+    made = simulate(graph, Inputs(time=time, values=u), seed=3)
+    wave = size * NOISE * np.sin(np.pi * np.arange(ROWS) / LASTS)
+    return samples_of(time, made.inputs, made.outputs + wave[:, None])
+
+
+def attempted(text: str, size: float) -> Attempt:
+    """The model of a text on trial with such samples."""
+    graph = parse_model(text, file="m.yaml")
+    core = build_watcher(graph)
+    records = (healthy_recording("healthy", off(parse_model(TRUTH), size), core),)
+    return Attempt(
+        text=text,
+        graph=graph,
+        core=core,
+        records=records,
+        fitted=cast("Fitted", Known(graph=graph)),
+        health=on_trial(core, records, PROMISE, factors=()),
+        alarms={},
+    )
+
+
+def told(step: str) -> None:
+    """Hear what is being done."""
+
+
+@pytest.mark.parametrize(("size", "extra"), [(0.6, ""), (1.0, "slow_error: {i: 0.05 A over 0.02 s}\n")])
+def test_an_error_as_long_as_what_alarms_leaves_noise_as_it_is(size: float, extra: str) -> None:
+    """A current that is off for seconds: in place of noise several times as large, an error that lasts as long."""
+    loud = attempted(TRUTH + extra, size)
+    assert loud.health.peak > 1.0
+    ((new, before),) = lasting_errors(loud.graph, loud.health)
+    assert (before is not None) is bool(extra)
+    assert LASTING * 0.02 < new.memory < 2 * LASTS * 0.02
+    quiet, raised, lasting = raised_until_quiet(loud, PROMISE, told)
+    assert quiet.health.has_room
+    assert lasting == (new,)
+    (error,) = quiet.graph.slow_errors
+    assert error.target == "i"
+    assert error.memory == pytest.approx(new.memory, rel=0.1)
+    most = as_noise(NOISE, before) * 1.25
+    assert all(item.times <= most for item in raised if item.what == "noise of i")
+    alone = enough(loud.core, loud.records, PROMISE)
+    assert alone is None or np.max(alone.noise) > 1.5
+
+
+def test_where_noise_a_little_larger_is_enough_nothing_else_is_declared() -> None:
+    """One step of noise costs less than an error that is as large as the noise."""
+    loud = attempted(TRUTH, 0.3)
+    assert lasting_errors(loud.graph, loud.health) != ()
+    quiet, raised, lasting = raised_until_quiet(loud, PROMISE, told)
+    assert quiet.health.has_room
+    assert (lasting, len(quiet.graph.slow_errors)) == ((), 0)
+    assert raised != ()
+
+
+@pytest.mark.parametrize(
+    ("size", "extra"),
+    [(0.0, ""), *((2.0, f"slow_error: {{i: {size}}}\n") for size in ("0.05 A over 2 s", "1 % over 0.02 s"))],
+)
+def test_what_is_quiet_or_lasts_already_gets_none(size: float, extra: str) -> None:
+    """Nor does a sensor whose slow error is a part of what it reads."""
+    found = attempted(TRUTH + extra, size)
+    assert lasting_errors(found.graph, found.health) == ()
+
+
+def test_what_scatters_gets_none() -> None:
+    """A sensor that scatters three times as much as declared is no longer off."""
+    found = attempted(TRUTH.replace("50 mA", "15 mA"), 0.0)
+    assert found.health.peak > ROOM
+    assert lasting_errors(found.graph, found.health) == ()
