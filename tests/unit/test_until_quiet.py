@@ -67,7 +67,7 @@ from faultbond.fit.offset import centred, likely_offsets
 from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.quiet_search import FEWEST, FURTHER, WORTH, Search
 from faultbond.fit.samples import HealthyRecording, healthy_recording
-from faultbond.fit.trial import ROOM, enough, on_trial, stays_below, strayed_on
+from faultbond.fit.trial import LASTING, ROOM, enough, on_trial, stays_below, strayed_on
 from faultbond.io.recording import write_recording
 from faultbond.model.amend import amended
 from faultbond.model.expression import Name
@@ -1614,6 +1614,34 @@ def test_a_slow_error_is_raised_by_itself_and_not_without_end(
     record = cast("HealthyRecording", SimpleNamespace(samples=np.ones((3, 1))))
     found = enough(core, [record], 3600.0)
     assert found == (None if times is None else Variant(noise=(1.0,), slow=(1.0, 1.0, times)))
+
+
+@pytest.mark.parametrize(
+    ("lasts", "takes", "noise", "slow"),
+    [
+        (9.0, 3.0, 1.25**5, 1.0),  # it is as short as noise
+        (30.0, 3.0, 1.0, 1.25**5),  # it helps more
+        (9.0, 25.0, None, 1.0),  # noise that hides all
+    ],
+)
+def test_of_a_sensor_its_noise_or_what_lasts_is_raised(
+    lasts: float, takes: float, noise: float | None, slow: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whichever helps more; noise not without end."""
+
+    def rates(_: object, seen: Sequence[Variant], __: float) -> tuple[Rate, ...]:
+        ((louder, larger),) = [(*one.noise, *one.slow) for one in seen if isinstance(one.noise, tuple)]  # type: ignore[misc]
+        peak = ROOM * takes / (louder if lasts < LASTING else louder**0.5 * larger)
+        return (Rate(name="i", kind="sensor", peak=peak, between=1e9, mean=0.0, spread=1.0, memory=1.0),)
+
+    monkeypatch.setattr(trial, "take_recordings", lambda _, items: items)
+    monkeypatch.setattr(trial, "watch_taken", lambda _, __, variants: [variants])
+    monkeypatch.setattr(trial, "alarm_rates", rates)
+    error, output = SimpleNamespace(alarms=False, name="i", memory=lasts), SimpleNamespace(name="i")
+    core = cast("Core", SimpleNamespace(spec=SimpleNamespace(parameters=(), outputs=(output,), slow_errors=(error,))))
+    record = cast("HealthyRecording", SimpleNamespace(samples=np.ones((3, 1))))
+    found = enough(core, [record], 3600.0)
+    assert found == (None if noise is None else Variant(noise=(noise,), slow=(slow,)))
 
 
 def test_only_the_slow_error_that_is_raised_is_written_anew() -> None:

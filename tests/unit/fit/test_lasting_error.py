@@ -1,6 +1,6 @@
 """Slow errors of sensors that last as long as what alarms, where shorter ones, or none, leave a model loud."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -13,7 +13,7 @@ from faultbond.fit.lasting_error import as_noise, lasting_errors
 from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.samples import healthy_recording
 from faultbond.fit.trial import LASTING, ROOM, enough, on_trial
-from faultbond.model.graph import BondGraph
+from faultbond.model.graph import BondGraph, SlowError
 from faultbond.model.text import parse_model
 from faultbond.report.fit_result import Fitted
 from faultbond.simulate import Inputs, simulate
@@ -25,6 +25,14 @@ pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler o
 TRUTH = MODEL.replace("R: 3 ohm", "R: 3.3 ohm").replace("nominal: 2.5 H", "nominal: 2.2 H")
 NOISE, ROWS, PROMISE = 0.05, 4000, 3600.0
 LASTS = 300  # samples of half of a wave
+
+
+SHORT = NoiseFound(  # what a fit says of a slow error that is replaced
+    of=SlowError(target="i", sd=NOISE, relative=False, memory=0.02, is_sensor=True),
+    declared=NOISE,
+    found=NOISE,
+    sd=0.001,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +62,7 @@ def attempted(text: str, size: float) -> Attempt:
         graph=graph,
         core=core,
         records=records,
-        fitted=cast("Fitted", Known(graph=graph)),
+        fitted=cast("Fitted", Known(graph=graph, noises=(SHORT,))),
         health=on_trial(core, records, PROMISE, factors=()),
         alarms={},
     )
@@ -78,8 +86,9 @@ def test_an_error_as_long_as_what_alarms_leaves_noise_as_it_is(size: float, extr
     (error,) = quiet.graph.slow_errors
     assert error.target == "i"
     assert error.memory == pytest.approx(new.memory, rel=0.1)
-    most = as_noise(NOISE, before) * 1.25
-    assert all(item.times <= most for item in raised if item.what == "noise of i")
+    least, times = as_noise(NOISE, before), {item.what: item.times for item in raised}
+    assert least * 0.999 <= times.get("noise of i", 1.0) <= least * 1.25
+    assert (quiet.fitted.noises == ()) is bool(extra)
     alone = enough(loud.core, loud.records, PROMISE)
     assert alone is None or np.max(alone.noise) > 1.5
 
@@ -109,3 +118,15 @@ def test_what_scatters_gets_none() -> None:
     found = attempted(TRUTH.replace("50 mA", "15 mA"), 0.0)
     assert found.health.peak > ROOM
     assert lasting_errors(found.graph, found.health) == ()
+
+
+@pytest.mark.parametrize(("samples", "lasts"), [(5, LASTING), (50, 50), (3000, 0.25 * (ROWS - 1))])
+def test_it_lasts_as_long_as_the_highest_climb_took(samples: int, lasts: float) -> None:
+    """But no shorter than what is much like noise, and no longer than a quarter of a recording."""
+    found = attempted(TRUTH, 0.6)
+    climbs = np.zeros_like(found.health.watches[0].climbs)
+    climbs[1, 100 : 101 + samples, 0] = np.arange(samples + 1)
+    climbs[0, 4 : 4 + samples // 2, 0] = 1.0
+    seen = replace(found.health, watches=(replace(found.health.watches[0], climbs=climbs),))
+    ((new, _),) = lasting_errors(found.graph, seen)
+    assert new.memory == pytest.approx(0.02 * lasts)
