@@ -34,6 +34,7 @@ SPARE = 1.05  # times what it takes: a wider accuracy lets a parameter move a li
 LOWERED = (1.0, 0.5, 0.25)  # parts of the way to what recordings say of slow errors, as ratios, that are tried
 
 Smallest = tuple[SmallestFault, ...]
+Lasting = tuple[Imperfection, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -110,51 +111,50 @@ def widened(attempt: Attempt, tell: Tell) -> Attempt:
     return replace(wider, widened=before | {name: before.get(name, 1.0) * x for name, x in times.items()})
 
 
-def raised_until_quiet(
-    attempt: Attempt, promise: float, tell: Tell
-) -> tuple[Attempt, tuple[Resized, ...], tuple[Imperfection, ...]]:
+def raised_until_quiet(attempt: Attempt, promise: float, tell: Tell) -> tuple[Attempt, tuple[Resized, ...], Lasting]:
     """Declare accuracies, noise or slow errors larger, as little as it takes; as it was where nothing is enough.
 
-    Gives also the slow errors of sensors that it takes in place of shorter ones, or of none, where all is louder
-    without them.
+    Gives also the slow errors of sensors that it takes in place of shorter ones, or of none, where less is declared in
+    all with them.
     """
     variant = enough(attempt.core, attempt.records, promise)
-    plain = None if variant is None else raised_text(attempt.text, attempt.graph, variant)
-    lasting = lasting_errors(attempt.graph, attempt.health)
-    if not lasting or (variant is not None and variant.accuracy > 1.0):
-        return (attempt, (), ()) if plain is None else (*_raised(attempt, *plain, tell), ())
-    tell(f"asking for slow errors that last: {', '.join(item.words for item, _ in lasting)}")
-    louder = _with_lasting(attempt, lasting, promise)
-    if louder is None or (plain is not None and _loudness(plain[0], attempt) <= _loudness(louder[0], attempt)):
-        return (attempt, (), ()) if plain is None else (*_raised(attempt, *plain, tell), ())
-    gone = {item.target for _, item in lasting if item is not None}
-    noises = (x for x in attempt.fitted.noises if not (isinstance(x.of, SlowError) and x.name in gone))
-    known = replace(attempt, fitted=replace(attempt.fitted, noises=tuple(noises)))
-    return (*_raised(known, *louder, tell), tuple(item for item, _ in lasting))
-
-
-def _raised(
-    attempt: Attempt, text: str, raised: tuple[Resized, ...], tell: Tell
-) -> tuple[Attempt, tuple[Resized, ...]]:
-    """Put a model on trial that declares more."""
-    read = [(item.name, item.points) for item in attempt.records]
-    wider = replace(put_on_trial(text, attempt.fitted, read, tell), widened=attempt.widened)
-    return widened(wider, tell), raised
+    ways = [] if variant is not None and variant.accuracy > 1.0 else _with_lasting(attempt, promise, tell)
+    if variant is not None:
+        ways.append((attempt, *raised_text(attempt.text, attempt.graph, variant), ()))
+    tried = []
+    for known, text, raised, lasting in sorted(ways, key=lambda way: _loudness(way[1], attempt)):
+        read = [(item.name, item.points) for item in attempt.records]
+        wider = replace(put_on_trial(text, known.fitted, read, tell), widened=attempt.widened)
+        tried.append((widened(wider, tell), raised, lasting))
+        if tried[-1][0].quiet:
+            return tried[-1]
+    return tried[0] if tried else (attempt, (), ())
 
 
 def _with_lasting(
-    attempt: Attempt, lasting: Sequence[tuple[Imperfection, SlowError | None]], promise: float
-) -> tuple[str, tuple[Resized, ...]] | None:
-    """Give the text of a model with slow errors that last, and what must be declared larger with them; None: none."""
+    attempt: Attempt, promise: float, tell: Tell
+) -> list[tuple[Attempt, str, tuple[Resized, ...], Lasting]]:
+    """Give the text of a model with slow errors that last, where it takes some, and what must be raised with them.
+
+    Of those that they replace nothing is known any more.
+    """
+    lasting = lasting_errors(attempt.graph, attempt.health)
+    if not lasting:
+        return []
+    tell(f"asking for slow errors that last: {', '.join(item.words for item, _ in lasting)}")
     new = [Added(what=item, trained=0.0, held=0.0) for item, _ in lasting]
     text = amended_text(attempt.text, attempt.graph, new)
     graph = parse_model(text, file=attempt.graph.file)
-    core = build_watcher(graph)
+    core, replaced = build_watcher(graph), {item.place: before for item, before in lasting}
     records = [healthy_recording(item.name, item.points, core) for item in attempt.records]
-    times = {item.place: replaced for item, replaced in lasting}
-    noise = [as_noise(item.noise, times.get(item.name)) for item in graph.sensors]
+    noise = [as_noise(item.noise, replaced.get(item.name)) for item in graph.sensors]
     variant = enough(core, records, promise, noise=noise)
-    return None if variant is None else raised_text(text, graph, variant)
+    if variant is None:
+        return []
+    gone = {name for name, before in replaced.items() if before is not None}
+    noises = (x for x in attempt.fitted.noises if not (isinstance(x.of, SlowError) and x.name in gone))
+    known = replace(attempt, fitted=replace(attempt.fitted, noises=tuple(noises)))
+    return [(known, *raised_text(text, graph, variant), tuple(item for item, _ in lasting))]
 
 
 def _loudness(text: str, attempt: Attempt) -> float:

@@ -1,12 +1,13 @@
 """Slow errors of sensors that last as long as what alarms, where shorter ones, or none, leave a model loud."""
 
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from faultbond.app.attempt import Attempt, raised_until_quiet
+from faultbond.app import attempt
+from faultbond.app.attempt import Attempt, put_on_trial, raised_until_quiet
 from faultbond.app.engine import build_watcher
 from faultbond.contract.samples import Sample
 from faultbond.fit.lasting_error import as_noise, lasting_errors
@@ -101,6 +102,19 @@ def test_where_noise_a_little_larger_is_enough_nothing_else_is_declared() -> Non
     assert quiet.health.has_room
     assert (lasting, len(quiet.graph.slow_errors)) == ((), 0)
     assert raised != ()
+
+
+def test_what_is_not_quiet_with_it_is_made_so_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the monitor itself alarms on what takes less, what takes more is put on trial, too."""
+
+    def on_trial_of(text: str, *more: Any) -> Attempt:
+        found = put_on_trial(text, *more)
+        return replace(found, alarms={"healthy": 1.0}) if "slow_error" in text else found
+
+    monkeypatch.setattr(attempt, "put_on_trial", on_trial_of)
+    quiet, raised, lasting = raised_until_quiet(attempted(TRUTH, 0.6), PROMISE, told)
+    assert quiet.quiet
+    assert ([item.what for item in raised], lasting) == (["noise of i"], ())
 
 
 @pytest.mark.parametrize(
