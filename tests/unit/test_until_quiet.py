@@ -386,6 +386,39 @@ def test_a_fit_finds_what_rows_hold(tmp_path: Path, model: Path) -> None:
     assert new.parameter("R").nominal == pytest.approx(R, rel=0.03)
 
 
+@pytest.mark.parametrize("count", [5, 40])
+def test_of_many_imperfections_the_likely_ones_are_asked_for_at_all_sizes(
+    count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The others at few; the best come out with the size and memory at which they gain most, beyond the largest too."""
+    search, tried = bare_search(), list[Imperfection]()
+    search.possible = tuple(Imperfection(kind=Kind.ABSOLUTE, place=f"x{k}.f") for k in range(count))
+    search.all, search.trained = SimpleNamespace(model=SimpleNamespace(direct=())), ()  # type: ignore[assignment]
+    search.longest = 1e9
+
+    def gains_of(asked: Sequence[Imperfection]) -> list[float]:
+        tried.extend(asked)
+        numbers = (int(item.place[1:-2]) for item in asked)
+        ends = ((0.9 if k == 1 else 0.03, 120.0) for k in numbers)
+        misses = (
+            np.log(x.size / end[0]) ** 2 + np.log(x.memory / end[1]) ** 2 for x, end in zip(asked, ends, strict=True)
+        )
+        return [float(100.0 - int(x.place[1:-2]) - miss) for x, miss in zip(asked, misses, strict=True)]
+
+    usual = {item.place: 1.0 for item in search.possible}
+    monkeypatch.setattr(search, "asking", lambda _: (usual, gains_of), raising=False)
+    monkeypatch.setattr(quiet_search, "in_a_loop", lambda *_: frozenset())
+    found = search.profile(Footing(graph=cast("Any", None), values={}, starts={}))
+    assert [item.place for item, _ in found[:3]] == ["x0.f", "x1.f", "x2.f"]
+    assert [(item.size, item.memory) for item, _ in found[:3]] == [
+        (0.03, 120.0),
+        (pytest.approx(0.9), 120.0),
+        (0.03, 120.0),
+    ]
+    assert len(found) == count
+    assert (len(tried) < 14 * count) is (count == 40)
+
+
 @pytest.mark.parametrize(("trained", "kept"), [(-700.0, True), (-1003.0, False)])
 def test_what_rows_hold_is_asked_of_all_inputs_at_once(
     trained: float, monkeypatch: pytest.MonkeyPatch, *, kept: bool

@@ -60,6 +60,7 @@ NO_LAG = 1.01 * LEAST_LAG  # samples: a lag that would rather be none
 AGAIN = 2.0  # times what it promised before; what was tried in vain and promises more is tried once more
 MOVES = (0.3, 1.0, 3.0, 10.0)  # of a sensor's noise, after an input has moved as far as it usually does
 MOST_SAMPLES = 6000  # with which sizes are compared
+FULLY = 15  # imperfections that are asked for at all sizes and memories
 FEW_SAMPLES = 8000  # of the recordings with which imperfections are compared; what is kept is fitted to all
 
 Tell = Callable[[str], None]
@@ -219,25 +220,21 @@ class Search:
             and (x.kind is Kind.TRANSIENT or x.place not in added)
             and (x.place, x.after) not in loops
         )
-        asked = [(item, self._sizes(stand, item, usual)) for item in free]
+        asked = [(item, self._sizes(stand, item, usual), self._memories(item)) for item in free]
         best: dict[tuple[Kind, str], tuple[Imperfection, float]] = {}
+        if len(asked) > FULLY:  # at a few sizes and memories first: those that gain little there hardly matter
+            best = _best_of([(item, x[1::2] or x, t[1::2] or t) for item, x, t in asked], gains_of)
+            likely = sorted(best, key=lambda key: best[key][1], reverse=True)[:FULLY]
+            asked = [one for one in asked if one[0].key in likely]
         while asked:
-            tried = [
-                replace(item, size=size, memory=memory)
-                for item, sizes in asked
-                for size in sizes
-                for memory in self._memories(item)
-            ]
-            if not tried:
-                break
-            for item, gain in zip(tried, gains_of(tried), strict=True):
-                if item.key not in best or gain > best[item.key][1]:
-                    best[item.key] = item, gain
-            at_end = [(item, sizes) for item, sizes in asked if sizes and best[item.key][0].size == sizes[-1]]
+            best |= {
+                key: one for key, one in _best_of(asked, gains_of).items() if key not in best or one[1] > best[key][1]
+            }
             asked = [
-                (item, tuple(sizes[-1] * times for times in LARGER))
-                for item, sizes in at_end
-                if item.kind in (Kind.ABSOLUTE, Kind.TRANSIENT) and best[item.key][1] > 0.0
+                (item, tuple(x[-1] * times for times in LARGER), t)
+                for item, x, t in asked
+                if x and best[item.key][0].size == x[-1] and best[item.key][1] > 0.0
+                if item.kind in (Kind.ABSOLUTE, Kind.TRANSIENT)
             ]
         self.asked = sorted(best.values(), key=lambda item: item[1], reverse=True)
         return self.asked
@@ -297,6 +294,19 @@ class Search:
             return (item.memory,)
         fit = tuple(count * self.step for count in MEMORIES if count * self.step <= self.longest)
         return fit or (self.longest,)
+
+
+def _best_of(
+    asked: Sequence[tuple[Imperfection, Sequence[float], Sequence[float]]],
+    gains_of: Callable[[Sequence[Imperfection]], list[float]],
+) -> dict[tuple[Kind, str], tuple[Imperfection, float]]:
+    """Give each imperfection with the one of its sizes and memories that gains most, and what that gains, nats."""
+    tried = [replace(item, size=x, memory=t) for item, sizes, memories in asked for x in sizes for t in memories]
+    best: dict[tuple[Kind, str], tuple[Imperfection, float]] = {}
+    for item, gain in zip(tried, gains_of(tried) if tried else (), strict=True):
+        if item.key not in best or gain > best[item.key][1]:
+            best[item.key] = item, gain
+    return best
 
 
 def _without(graph: BondGraph, item: Imperfection) -> BondGraph:
