@@ -1090,6 +1090,28 @@ def test_of_what_is_nominally_nothing_half_of_its_change_counts(now: float, deaf
     assert found.deaf == deaf
 
 
+@pytest.mark.usefixtures("no_sizes")
+@pytest.mark.parametrize("time", ["1 ms", "1 h"])
+def test_no_round_begins_when_the_time_is_up(
+    time: str, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What was found by then is put on trial and made quiet, unlike what a signal ends."""
+    made = [write(tmp_path / f"{seed}.csv", seed=seed, lag=0.1) for seed in (1, 2)]
+    found = records(tmp_path, model, *made, "--within", time, "-o", tmp_path / "new.yaml")["quiet"]
+    is_up = time == "1 ms"
+    assert ("no further round begins: the time is up" in capsys.readouterr().err) is is_up
+    assert (found["rounds"] == 0) is is_up
+    assert (found["added"] == []) is is_up
+    assert (found["stopped"], found["quiet"]) == (False, True)
+    assert bool(found["raised"] or found["lasting"]) is is_up
+
+
+def test_a_time_without_a_search_is_refused(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It bounds what is asked for by another option."""
+    assert main(["fit", str(model), str(write(tmp_path / "a.csv", seed=1)), "--within", "10 min"]) == 2
+    assert "--within bounds the search of --until-quiet" in capsys.readouterr().err
+
+
 def test_how_long_a_search_may_take_is_told_of_long_ones() -> None:
     """By how long the first fit took, in the units that people take for such times."""
     assert forecast(14.9) == ""

@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from math import inf
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -246,6 +247,7 @@ def fit(
     output: PathLike | None = None,
     report: PathLike | None = None,
     until_quiet: bool = False,
+    within: float = inf,
     fixed: Sequence[str] = (),
     free: Sequence[str] | None = None,
     per_recording: Sequence[str] = (),
@@ -262,6 +264,7 @@ def fit(
     output : model file to write
     report : file for the report, a page of HTML
     until_quiet : add what the recordings call for until they are as quiet as promised
+    within : s after which no further round of that begins
     fixed : parameters that are known
     free : the only parameters to find; None: all
     per_recording : parameters that each recording has for itself
@@ -284,6 +287,7 @@ def fit(
         seed=whole_of(seed, "seed", 0, None),
         own=names_of(per_recording) if per_recording else (),
         until_quiet=truth_of(until_quiet, "until_quiet"),
+        within=within,
     )
     given = recordings if isinstance(recordings, list | tuple) else [recordings]
     _refuse_outputs(source, given, output=output, report=report)

@@ -147,7 +147,8 @@ def _steps(
     search = Search(
         graph, begun_likelihood, tell, parameters, wishes.own, (found.records, records_held), (begin, begin_held)
     )
-    attempt, now = yield from _searched(search, search.first(found), now, text, graph, read, wishes, tell)
+    ends = started + wishes.within
+    attempt, now = yield from _searched(search, search.first(found), now, text, graph, read, wishes, ends, tell)
     now = replace(now, left=tuple(item for item in search.asked if item[1] > 0.0))
     raised: tuple[Resized, ...] = ()
     if not attempt.quiet:
@@ -171,8 +172,8 @@ def forecast(first: float) -> str:
     took, *about = (duration_text(seconds, digits=2) for seconds in (first, least, most))
     return (
         f"the first fit took {took}; the search for what is missing usually takes {' to '.join(about)} from here. "
-        "Fewer or shorter recordings and a longer `sample_time` make it shorter; Ctrl-C ends it with what was found, "
-        "as `timeout 20m` before the command does"
+        "Fewer or shorter recordings and a longer `sample_time` make it shorter; Ctrl-C ends it with what was found; "
+        "with `--within '10 min'` no round begins after that, and what was found is made quiet"
     )
 
 
@@ -210,25 +211,28 @@ def _searched(
     graph: BondGraph,
     read: Recordings,
     wishes: FitWishes,
+    ends: float,
     tell: Tell,
 ) -> Generator[ByThen, None, tuple[Attempt, Quieted]]:
     """Add one thing after the other until it is quiet, or nothing gains; return the model on trial, and what is found.
 
-    Yields what is found after each step.
+    Yields what is found after each step. ends: time of the clock after which no further round begins.
     """
     tried: Attempt | None = None
     prior = Prior(wishes.prior)
     may_stray = (item.name for item in graph.parameters) if prior is Prior.NONE else ()
     asked = dict.fromkeys(may_stray, inf)
     for rounds in range(ROUNDS + 1):
-        better = None
+        better, may_go_on = None, rounds < ROUNDS and monotonic() < ends
         if _seems_quiet(stand, read, tell):
-            better = _cured(search, stand, asked, again=True).kept if rounds < ROUNDS else None
+            better = _cured(search, stand, asked, again=True).kept if may_go_on else None
             if better is None:
                 tried, now = yield from _attempt(stand, now, text, graph, read, wishes, search.believed, tell)
                 if tried.quiet:
                     return tried, now
-        if better is None and rounds < ROUNDS:
+        if rounds < ROUNDS and not may_go_on:
+            tell("no further round begins: the time is up")
+        if better is None and may_go_on:
             tell(f"looking for what is missing, round {rounds + 1} of at most {ROUNDS}")
             better = _next(search, stand, asked)
         if better is None:

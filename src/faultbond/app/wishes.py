@@ -40,7 +40,7 @@ class FitWishes:
     fixed: parameters that are known. free: the only ones to be found; None: all others. prior: what declared
     accuracies count for, the name of a `Prior`. starts, seed: of the search. own: parameters that each recording has
     for itself, such as the temperature at its start; they are not written. until_quiet: whether what the recordings
-    call for is added to the model.
+    call for is added to the model. within: s after which no further round of that begins.
     """
 
     fixed: tuple[str, ...] = ()
@@ -50,6 +50,7 @@ class FitWishes:
     seed: int = 0
     own: tuple[str, ...] = ()
     until_quiet: bool = False
+    within: float = inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

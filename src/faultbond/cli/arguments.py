@@ -5,6 +5,7 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from difflib import get_close_matches
+from math import inf
 from pathlib import Path
 from typing import Any, Never, TypeAlias
 
@@ -184,6 +185,8 @@ def _add_fit(verbs: Subparsers) -> None:
     """Add `fit`."""
 
     def call(arguments: argparse.Namespace, out: Out) -> int:
+        if arguments.within is not None and not arguments.until_quiet:
+            raise FaultbondError("--within bounds the search of --until-quiet: give that too, or leave it out.")
         wishes = FitWishes(
             fixed=arguments.fixed,
             free=arguments.free,
@@ -192,6 +195,7 @@ def _add_fit(verbs: Subparsers) -> None:
             seed=arguments.seed,
             own=arguments.per_recording,
             until_quiet=arguments.until_quiet,
+            within=inf if arguments.within is None else arguments.within,
         )
         code: int = app.fit(
             arguments.model,
@@ -215,6 +219,7 @@ def _add_fit(verbs: Subparsers) -> None:
         action="store_true",
         help="add what the recordings call for, slow errors, lags, noise, until they are as quiet as promised",
     )
+    add("--within", metavar="TIME", type=time_span, help="begin no further round of --until-quiet after this: '10 min'")
     add("--fixed", metavar="NAMES", type=name_list, default=(), help="parameters that are known: G,K_meter")
     add("--free", metavar="NAMES", type=name_list, help="the only parameters to find (default: all)")
     add(

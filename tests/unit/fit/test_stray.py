@@ -4,6 +4,7 @@ import json
 from collections.abc import Generator
 from dataclasses import replace
 from functools import partial
+from math import inf
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -420,7 +421,7 @@ def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest
     search = SimpleNamespace(lasting=lambda stand: stand, at_rest=at_rest, believed=frozenset())
     now = Quieted(fitted=cast(Any, None), text="", held=(), stated=True, promise=1.0)
     wishes = SimpleNamespace(prior="declared")
-    for _ in quiet_fit._searched(cast(Any, search), stand, now, "", graph, (), cast(Any, wishes), lambda _: None):
+    for _ in quiet_fit._searched(cast(Any, search), stand, now, "", graph, (), cast(Any, wishes), inf, lambda _: None):
         pass
     assert on_trial == rested == [more]
 
