@@ -1672,15 +1672,21 @@ def test_a_slow_error_is_raised_by_itself_and_not_without_end(
 
 
 @pytest.mark.parametrize(
-    ("lasts", "takes", "noise", "slow"),
+    ("lasts", "after", "takes", "noise", "slow"),
     [
-        (9.0, 3.0, 1.25**5, 1.0),  # it is as short as noise
-        (30.0, 3.0, 1.0, 1.25**5),  # it helps more
-        (9.0, 25.0, None, 1.0),  # noise that hides all
+        (9.0, (), 3.0, 1.25**5, 1.0),  # it is as short as noise
+        (30.0, (), 3.0, 1.0, 1.25**5),  # it helps more
+        (30.0, ((0, 1.0),), 3.0, 1.25**10, 1.0),  # it goes with moves of an input
+        (9.0, (), 25.0, None, 1.0),  # noise that hides all
     ],
 )
 def test_of_a_sensor_its_noise_or_what_lasts_is_raised(
-    lasts: float, takes: float, noise: float | None, slow: float, monkeypatch: pytest.MonkeyPatch
+    lasts: float,
+    after: tuple[tuple[int, float], ...],
+    takes: float,
+    noise: float | None,
+    slow: float,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Whichever helps more; noise not without end."""
 
@@ -1692,7 +1698,7 @@ def test_of_a_sensor_its_noise_or_what_lasts_is_raised(
     monkeypatch.setattr(trial, "take_recordings", lambda _, items: items)
     monkeypatch.setattr(trial, "watch_taken", lambda _, __, variants: [variants])
     monkeypatch.setattr(trial, "alarm_rates", rates)
-    error, output = SimpleNamespace(alarms=False, name="i", memory=lasts), SimpleNamespace(name="i")
+    error, output = SimpleNamespace(alarms=False, output=0, memory=lasts, after=after), SimpleNamespace(name="i")
     core = cast("Core", SimpleNamespace(spec=SimpleNamespace(parameters=(), outputs=(output,), slow_errors=(error,))))
     record = cast("HealthyRecording", SimpleNamespace(samples=np.ones((3, 1))))
     found = enough(core, [record], 3600.0)

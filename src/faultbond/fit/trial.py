@@ -241,13 +241,16 @@ def enough(
 
 
 def _larger(spec: EngineSpec, now: Variant, worst: int, step: float) -> list[Variant]:
-    """Give what may be declared larger by a step, of all and with it, where statistic number `worst` is too large."""
+    """Give what may be declared larger by a step, of all and with it, where statistic number `worst` is too large.
+
+    What goes with moves of an input has sizes of its own for these, so that stays.
+    """
     noise, slow = np.array(now.noise), np.array(now.slow)
     if worst < len(noise):
         own = [
             k
             for k, item in enumerate(spec.slow_errors)
-            if item.name == spec.outputs[worst].name and item.memory >= LASTING * step
+            if item.output == worst and item.memory >= LASTING * step and not item.after
         ]
     else:
         own = [[k for k, item in enumerate(spec.slow_errors) if item.alarms][worst - len(noise)]]
