@@ -88,7 +88,8 @@ def _by_then(now: Quieted, stated: BondGraph, read: Recordings) -> Quieted:
     text = with_stated_accuracies(now.text, stated)
     with suppress(FaultbondError):  # what ended it may be that nothing can be compiled any more
         alarms = alarms_with(text, stated.file, read)
-        return replace(now, text=replace(now.fitted, alarms=alarms).with_false_alarms(text), alarms=alarms)
+        text = replace(now.fitted, alarms=alarms).with_false_alarms(text)
+        return replace(now, text=text, alarms=alarms, asked=True)
     return replace(now, text=text)
 
 

@@ -51,7 +51,8 @@ class Quieted:
     text : of the model file; held : recordings, or parts, that were held back; stated : whether the model as given
     promises a time between false alarms, and promise : that time, else the one that was written; before, health : the
     model as given and as it is now, on trial, None where the search was stopped before; alarms : when the monitor
-    itself alarms still, by recording; lasting : slow errors of sensors without which more would have been raised;
+    itself alarms still, by recording; asked : whether that is known of what was not on trial; lasting : slow errors of
+    sensors without which more would have been raised;
     left : what the last round would have added, with what it would gain on the recordings that are fitted; stopped :
     the signal that ended the search; failed : the error that did
     """
@@ -68,6 +69,7 @@ class Quieted:
     before: Health | None = None
     health: Health | None = None
     alarms: dict[str, float] = field(default_factory=dict)
+    asked: bool = False
     rounds: int = 0
     left: tuple[tuple[Imperfection, float], ...] = ()
     smallest_before: tuple[SmallestFault, ...] = ()
@@ -506,16 +508,26 @@ def _left_lines(found: Quieted, health: Health) -> Iterator[tuple[str, str]]:
         )
 
 
+def _by_then_words(found: Quieted) -> str:
+    """Say what is known of a model that was not put on trial."""
+    by_then = "The model is as it was by then, its accuracies as stated, or as far as it has gone"
+    if found.alarms:
+        return f"{by_then}. It alarms on {join([*found.alarms])}, so `run` claims no fault by it (`false_alarms`)."
+    if not found.asked:
+        return f"{by_then}, and nobody knows yet how quiet: ask `faultbond check --data`."
+    return (
+        f"{by_then}. With these it does not alarm on the recordings themselves; how often it would on others, and how "
+        "large a fault has to be, tells `faultbond check --data`."
+    )
+
+
 def quiet_verdict(found: Quieted) -> str:
     """Say in a sentence or two what came of it."""
-    if found.unfinished:
-        return f"The search was stopped before its end. {quiet_verdict(replace(found, stopped=None, failed=None))}"
     health = found.health
     if health is None:
-        by_then = "The model is as it was by then, its accuracies as stated, or as far as it has gone"
-        if found.alarms:
-            return f"{by_then}. It alarms on {join([*found.alarms])}, so `run` claims no fault by it (`false_alarms`)."
-        return f"{by_then}, and nobody knows yet how quiet: ask `faultbond check --data`."
+        return f"The search was stopped before its end. {_by_then_words(found)}"
+    if found.unfinished:
+        return f"The search was stopped before its end. {quiet_verdict(replace(found, stopped=None, failed=None))}"
     between = spacing_text(health.between)
     deaf = f" The model is deaf to faults of {join(found.deaf)}." if found.deaf else ""
     if found.quiet and not health.has_room:
