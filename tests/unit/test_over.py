@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -235,3 +236,14 @@ def test_what_is_not_judged_does_not_count(recording: Path, tmp_path: Path) -> N
         for name, path in ((MODEL, recording), (model, held))
     )
     assert later - usual == pytest.approx(6.0, abs=1.0)
+
+
+def test_of_a_model_that_is_known_to_alarm_it_is_over_too(recording: Path, tmp_path: Path) -> None:
+    """Half of each diagnosis is left to one more false alarm; what is left says that nothing is at fault."""
+    model = tmp_path / "model.yaml"
+    model.write_text(MODEL.read_text() + "false_alarms: 1\n")
+    told = ran(model, recording.read_bytes()).records
+    last, over = next((one, two) for one, two in pairwise(told) if two["record"] == "over")
+    assert last["mismatch"] == 0.5
+    assert 0.45 < last["within_accuracy"] < 0.5
+    assert over["time"] == last["time"]

@@ -77,6 +77,13 @@ static void note_parts(const Candidate *candidate, Settled *settled)
     }
 }
 
+/* Probability that nothing is at fault, if the alarm is no further one of a model that is known to alarm on healthy data. */
+static double within_if_called_for(const Diagnosis *found)
+{
+    const double alarms = (double)FALSE_ALARMS / (FALSE_ALARMS + 1.0);
+    return found->mismatch > alarms ? found->within_accuracy : found->within_accuracy / (1.0 - alarms);
+}
+
 /* Take the diagnosis of a sample, so that what is sure now is known later. What counts is the set: nothing is corrected, so its kind
    may stay open. */
 static void settle_on(Settled *settled, const Diagnosis *found, int64_t sample)
@@ -87,7 +94,7 @@ static void settle_on(Settled *settled, const Diagnosis *found, int64_t sample)
         note_parts(&found->candidates[0], settled);
     }
     if (found->n_candidates > 0 && found->n_superseded == 0) settled->until = found->time;
-    const int harmless = found->within_accuracy >= SETTLED && !found->is_unexplained && found->n_superseded == 0;
+    const int harmless = within_if_called_for(found) >= SETTLED && !found->is_unexplained && found->n_superseded == 0;
     if (!harmless) settled->harmless_since = -1;
     else if (settled->harmless_since < 0) settled->harmless_since = sample;
 }
