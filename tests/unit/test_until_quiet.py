@@ -82,6 +82,7 @@ from faultbond.report.quiet_result import (
     Quieted,
     _added_row,
     _beside_words,
+    _lasting_words,
     amended_text,
     quiet_parts,
     quiet_verdict,
@@ -1110,6 +1111,15 @@ def test_a_time_without_a_search_is_refused(model: Path, tmp_path: Path, capsys:
     """It bounds what is asked for by another option."""
     assert main(["fit", str(model), str(write(tmp_path / "a.csv", seed=1)), "--within", "10 min"]) == 2
     assert "--within bounds the search of --until-quiet" in capsys.readouterr().err
+
+
+def test_what_lasts_is_told_in_the_unit_of_its_differences() -> None:
+    """A thermometer in degC is off by kelvins; no line where nothing lasts."""
+    graph, name = load_model(EXAMPLES / "pipe" / "model.yaml"), "water_out_degC"
+    off = Imperfection(kind=Kind.ABSOLUTE, place=name, is_sensor=True, size=0.078, memory=74.0)
+    told = f"slow errors of sensors, as long as what alarmed: {name} 0.078 K over 74 s"
+    assert _lasting_words(graph, (off,)) == [told]
+    assert _lasting_words(graph, ()) == []
 
 
 def test_how_long_a_search_may_take_is_told_of_long_ones() -> None:

@@ -2,8 +2,8 @@
 
 A likelihood goes by single samples, of which errors that last one or two are as many as there are samples; those that
 last a hundred are few, and what they gain is little. So the slow error that foretells best may be one of a sample or
-two, much like noise, while what adds up to an alarm is one of minutes. Noise so large that it hides that takes four
-times as much as an error that lasts.
+two, much like noise, while what adds up to an alarm is one of minutes. Noise that hides that has to be several times as
+large as an error that lasts.
 """
 
 from math import hypot

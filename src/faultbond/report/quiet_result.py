@@ -52,9 +52,8 @@ class Quieted:
     promises a time between false alarms, and promise : that time, else the one that was written; before, health : the
     model as given and as it is now, on trial, None where the search was stopped before; alarms : when the monitor
     itself alarms still, by recording; asked : whether that is known of what was not on trial; lasting : slow errors of
-    sensors without which more would have been raised;
-    left : what the last round would have added, with what it would gain on the recordings that are fitted; stopped :
-    the signal that ended the search; failed : the error that did
+    sensors without which more would have been raised; left : what the last round would have added, with what it would
+    gain on the recordings that are fitted; stopped : the signal that ended the search; failed : the error that did
     """
 
     fitted: Fitted
@@ -342,15 +341,13 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
 
 def _lasting_words(graph: BondGraph, lasting: Sequence[Imperfection]) -> list[str]:
     """Say which slow errors were declared as long as what alarmed, with their sizes before they were raised."""
-    if not lasting:
-        return []
-    units = {item.name: item.unit for item in graph.sensors}
-    sizes = (f"{item.place} {_size_text(units[item.place], item)}" for item in lasting)
-    return [f"slow errors of sensors, as long as what alarmed: {join(list(sizes))}"]
+    sizes = [f"{item.place} {_size_text(graph, item)}" for item in lasting]
+    return [f"slow errors of sensors, as long as what alarmed: {join(sizes)}"] if sizes else []
 
 
-def _size_text(unit: Unit, item: Imperfection) -> str:
-    return f"{short(item.size / unit.factor)} {unit_text(unit.text)} over {duration_text(item.memory, digits=2)}"
+def _size_text(graph: BondGraph, item: Imperfection) -> str:
+    size, unit = _sized(graph, item)
+    return f"{short(size)} {unit_text(unit)} over {duration_text(item.memory, digits=2)}"
 
 
 def _curve_words(graph: BondGraph, item: Imperfection) -> str:
