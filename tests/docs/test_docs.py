@@ -34,7 +34,6 @@ RECORDS = {
     ),
     "accepted": "time components parameters probability kind by repaired",
     "rejected": "time components parameters probability kind by",
-    "over": "time detection",
     "end": (
         "time samples watched detections missing late duplicate untimed unused clock_jumps saturated frozen wild "
         "dropped silent name role values since until"

@@ -234,17 +234,8 @@ def _record(n_limits: int, largest: int, most: int, *, n_parameters: int) -> Any
     candidate = [*numbers("i8", "hypothesis", "lane", "group", "present", "n_kinds"), ("kinds", "i8", (len(KINDS),))]
     candidate += [("n_suspects", "i8"), ("probability", "f8"), ("shares", "f8", (len(KINDS),))]
     candidate += [("suspects", suspect, (largest,))]
-    head = numbers(
-        "i8",
-        "n_candidates",
-        "is_over",
-        "is_unexplained",
-        "has_untested",
-        "untested_sets",
-        "signal",
-        "n_superseded",
-        "n_elsewhere",
-    )
+    head = numbers("i8", "n_candidates", "is_over", "is_unexplained", "has_untested", "untested_sets")
+    head += numbers("i8", "signal", "n_superseded", "n_elsewhere")
     rest = numbers("f8", "unexplained_sd", "since", "until", "untested_probability", "within_accuracy", "mismatch")
     before = [("superseded_until", "f8"), ("superseded", "i8", (max(largest, 1),))]
     before += [("elsewhere", "i8", (max(n_parameters, 1),))]

@@ -930,6 +930,15 @@ sensors: {T: {reads: inside.e, unit: degC, noise: 0.1 K}}
     assert (Kind.RELATIVE, "outside.e") not in found
 
 
+def test_an_error_of_each_law_is_asked_for() -> None:
+    """Of a plant with three sensors, seven laws and twenty states too; not of one with a hundred states."""
+    model = build_step_model(build_plant(load_model(EXAMPLES / "three_tank" / "model.yaml")))
+    laws = law_signals(model)
+    found = [{item.place for item in possible(model.plant.graph, laws, n) if item.is_slow} for n in (20, 100)]
+    assert set(laws) <= found[0]
+    assert not set(laws) <= found[1]
+
+
 def test_an_exponent_does_not_wander() -> None:
     """What wanders is a value of a store, or of a law with several; a power that was found stays what it is."""
     law = "R: {type: R, law: e = R*f*(abs(f)/0.5)**n, parameters: {n: 0.5, "

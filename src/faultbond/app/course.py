@@ -12,15 +12,8 @@ from faultbond.app.disorder import disorder_of
 from faultbond.app.method_face import Watcher
 from faultbond.app.presence import Presence
 from faultbond.arrays import BoolArray, FloatArray
-from faultbond.contract.findings import Decider, Decision, Detection, Diagnosis
-from faultbond.contract.json_records import (
-    Record,
-    decision_record,
-    detection_record,
-    diagnosis_record,
-    end_record,
-    over_record,
-)
+from faultbond.contract.findings import Candidate, Decider, Decision, Detection, Diagnosis
+from faultbond.contract.json_records import Record, decision_record, detection_record, diagnosis_record, end_record
 from faultbond.contract.samples import STATUSES, Reports, Samples, Status
 from faultbond.contract.silence import INPUT, SENSOR, Silent
 from faultbond.errors import FaultbondError
@@ -292,10 +285,11 @@ class Course:
             self._out.record(diagnosis_record(diagnosis, outside=outside))
         self._hear(diagnosis)
         self._told = sample
-        if diagnosis.over and self.found.open is not None:
-            self._out.record(over_record(diagnosis.time, self.found.open))
-            self.found = self.found.with_alarm_over()
-        if self._level is None or outside or diagnosis.over:
+        if diagnosis.over:
+            nothing = Candidate(suspects=(), probability=diagnosis.within_accuracy, group=True)
+            self._tell_accepted(Decision(time=diagnosis.time, candidate=nothing, by=Decider.RULE))
+            return
+        if self._level is None or outside:
             return
         hypothesis = self._watcher.sure(self._level)
         if hypothesis is not None:
@@ -303,7 +297,9 @@ class Course:
 
     def _accept(self, hypothesis: int, time: float, by: Decider, *, repaired: bool = False) -> None:
         candidate = self._watcher.accept(hypothesis, repaired=repaired)
-        accepted = Decision(time=time, candidate=candidate, by=by, repaired=repaired)
+        self._tell_accepted(Decision(time=time, candidate=candidate, by=by, repaired=repaired))
+
+    def _tell_accepted(self, accepted: Decision) -> None:
         self.found = self.found.with_accepted(accepted)
         self._out.record(decision_record(accepted))
         self._hear(accepted)

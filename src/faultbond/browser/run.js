@@ -33,7 +33,7 @@ class Run {
     this.remarks = [];            // what it said of the recording beside them
     this.detections = [];         // each with `at`, the number of samples that came before it
     this.diagnoses = [];
-    this.ended = [];              // alarms that were over by themselves
+    this.ended = [];              // alarms for which something was accepted
     this.end = null;              // the last record
     this.over = null;             // exit code and words, once the program has ended
   }
@@ -55,7 +55,7 @@ class Run {
     const record = JSON.parse(text);
     if (record.record === "detection") this.detections.push({ ...record, at });
     if (record.record === "diagnosis" && record.candidates.length) this.diagnoses.push({ ...briefly(record), at });
-    if (record.record === "over") this.ended.push({ ...record, at });
+    if (record.record === "accepted") this.ended.push({ ...record, at });
     if (record.record === "end") this.end = { ...record, at };
     if (this.diagnoses.length > CURVES) this.diagnoses = this.diagnoses.filter((item, k, all) => k % 2 === 0 || k === all.length - 1);
   }

@@ -197,13 +197,18 @@ class Decision:
 
     Accepted, it became the healthy model, and alarms since then are of other faults; or it was the fault, and was
     `repaired`, so that it is as the model file says again, and all else as known before it. Rejected, it is out until
-    the next alarm.
+    the next alarm. Without suspects it was accepted by rule that nothing is at fault, with the probability of that.
     """
 
     time: float
     candidate: Candidate
     by: Decider
     repaired: bool = False
+
+    @property
+    def is_of_nothing(self) -> bool:
+        """Whether it says that nothing is at fault: the alarm is over by itself."""
+        return not self.candidate.components
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -216,9 +221,7 @@ class History:
     After the detection `expected` goes on as the healthy model sees the plant, after `accepted` as the new one does.
     detections, diagnoses, accepted, rejected: all records in order. Of a run that went on from another one there are
     also the last few that were accepted before, and the last detection if it was still open, with what was rejected.
-    over: when alarms were over by themselves, s.
-    open: the detection for which nothing was accepted yet, and that is not over; by order, not by time, since
-    clocks are set back.
+    open: the detection for which nothing was accepted yet; by order, not by time, since clocks are set back.
     missed: a while in which the best candidate did not explain the data, after it had done so; sd is the largest.
     """
 
@@ -236,6 +239,5 @@ class History:
     diagnoses: tuple[Diagnosis, ...]
     accepted: tuple[Decision, ...] = ()
     rejected: tuple[Decision, ...] = ()
-    over: tuple[float, ...] = ()
     open: Detection | None = None
     missed: Unexplained | None = None

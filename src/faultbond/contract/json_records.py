@@ -112,11 +112,6 @@ def decision_record(accepted: Decision, *, rejected: bool = False) -> Record:
     }
 
 
-def over_record(time: float, detection: Detection) -> Record:
-    """Give the record of an alarm that is over by itself; `detection` raised it."""
-    return {"record": "over", "time": time, "detection": detection.time}
-
-
 def end_record(
     *,
     time: float | None,

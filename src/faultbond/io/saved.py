@@ -42,7 +42,7 @@ class FoundSoFar:
     detections: alarms. watched: points with a measured value at which the alarms were on. waiting: points before every
     input had a value. wild: values that were refused since the plant did not follow them. outside: points at
     which the model did not hold. sensors_outside: readings of sensors that did not, at others. open: the detection that
-    nothing was accepted for yet, and that is not over by itself. rejected: candidates that were ruled out since then.
+    nothing was accepted for yet. rejected: candidates that were ruled out since then.
     """
 
     detections: int = 0
@@ -69,10 +69,6 @@ class FoundSoFar:
     def with_detection(self, detection: Detection) -> "FoundSoFar":
         """Give this after one more alarm."""
         return replace(self, detections=self.detections + 1, open=detection, rejected=())
-
-    def with_alarm_over(self) -> "FoundSoFar":
-        """Give this after an alarm was over by itself."""
-        return replace(self, open=None, rejected=())
 
     def with_accepted(self, accepted: Decision) -> "FoundSoFar":
         """Give this after a candidate was accepted."""

@@ -98,10 +98,13 @@ static void tell_diagnosis(Course *course, int64_t point, int is_outside)
     write_diagnosis(course->json, &course->diagnosis, &course->advice, is_outside);
     course->told = point;
     if (course->diagnosis.is_over) {
-        note_over(&course->found);
-        write_over(course->json, course->diagnosis.time, plant_alarm(course->plant).time);
+        note_nothing(&course->found);
+        memset(&course->candidate, 0, sizeof course->candidate); /* without suspects: nothing is at fault */
+        course->candidate.probability = course->diagnosis.within_accuracy;
+        write_decision(course->json, "accepted", course->diagnosis.time, &course->candidate, "rule", 0);
+        return;
     }
-    if (course->level < 0.0 || is_outside || course->diagnosis.is_over) return;
+    if (course->level < 0.0 || is_outside) return;
     const int64_t hypothesis = fb_sure(memory->state, &course->diagnosis, course->level);
     if (hypothesis < 0) return;
     if (fb_accept(memory->state, memory->work, hypothesis, &course->candidate)) {

@@ -10,8 +10,7 @@
 
 #define MOST_REJECTED 64 /* hypotheses that were ruled out since the last alarm and are known by number */
 
-/* What a run has found so far. is_open: nothing was accepted yet for the last alarm, raised at the sample `opened`, nor
-   is it over by itself. accepted,
+/* What a run has found so far. is_open: nothing was accepted yet for the last alarm, raised at the sample `opened`. accepted,
    rejected: how many hypotheses, the latter since the last alarm; last_accepted, ruled_out: which; is_repaired: whether that
    which was accepted last was the fault and is mended. */
 typedef struct {
@@ -28,8 +27,8 @@ static void note_accepted(Found *found, int64_t hypothesis, int is_repaired)
     found->is_repaired = is_repaired;
 }
 
-/* Note that an alarm was over by itself. */
-static void note_over(Found *found) { found->is_open = found->rejected = 0; }
+/* Note that nothing was at fault. */
+static void note_nothing(Found *found) { found->is_open = found->rejected = 0; }
 
 /* Note that a hypothesis was ruled out. */
 static void note_rejected(Found *found, int64_t hypothesis)
@@ -320,15 +319,6 @@ static void write_diagnosis(Json *json, const Diagnosis *found, const Advice *ad
     tell_superseded(json, found);
     tell_elsewhere(json, found);
     if (is_outside) tell_truth(json, "outside", 1);
-    end_record(json);
-}
-
-/* That an alarm is over by itself, which was raised at `detection`, s. */
-static void write_over(Json *json, double time, double detection)
-{
-    begin_record(json, "over");
-    tell_real(json, "time", time);
-    tell_real(json, "detection", detection);
     end_record(json);
 }
 

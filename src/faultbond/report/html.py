@@ -50,8 +50,9 @@ def render_report(
     sections = chart_sections(graph, history)
     start = float(history.time[0]) if len(history.time) else 0.0
     marks = [mark for item in history.detections for mark in ((item.change_time, "onset"), (item.time, "alarm"))]
-    marks += [(item.time, "accepted") for item in history.accepted if item.time >= start]
-    marks += [(time, "over") for time in history.over if time >= start]
+    marks += [
+        (item.time, "over" if item.is_of_nothing else "accepted") for item in history.accepted if item.time >= start
+    ]
     return render_page(
         "report.html.j2",
         sections,

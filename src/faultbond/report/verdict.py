@@ -153,7 +153,6 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
     ]
     events += [(item.time, accepted_sentence(graph, item), False) for item in history.accepted]
     events += [(item.time, rejected_sentence(graph, item), False) for item in history.rejected]
-    events += [(time, over_sentence(time), False) for time in history.over]
     diagnosis = open_diagnosis(history)
     rows = table_rows(graph, diagnosis, notation) if diagnosis else ()
     return RunView(
@@ -275,6 +274,9 @@ def _walk_sentence(what: str, detection: Detection, walk: Walk) -> str:
 
 def accepted_sentence(graph: BondGraph, accepted: Decision) -> str:
     """Say what was accepted, with its values, when, and by whom."""
+    if accepted.is_of_nothing:
+        when = clock_text(accepted.time)
+        return f"Over by itself at {when}: for long nothing was further off than healthy parts may be."
     told = f"{_set_and_kind(graph, accepted.candidate)} ({probability_text(accepted.candidate.probability)} %)"
     if accepted.repaired:
         return f"Repaired at {clock_text(accepted.time)}: {told}. It is as the model file says again."
@@ -305,14 +307,10 @@ def rejected_sentence(graph: BondGraph, rejected: Decision) -> str:
     return f"Rejected at {clock_text(rejected.time)}: {named}{more}."
 
 
-def over_sentence(time: float) -> str:
-    """Say that an alarm was over by itself."""
-    return f"Over by itself at {clock_text(time)}: for long nothing was further off than healthy parts may be."
-
-
 def decided_text(graph: BondGraph, decided: Sequence[Decision]) -> str:
     """Name what was accepted or rejected, and when: `pipe K1 at 1885 s and leak K6 at 3900 s`; empty for none."""
-    return join([f"{_set_and_kind(graph, item.candidate)} at {clock_text(item.time)}" for item in decided])
+    named = [item for item in decided if not item.is_of_nothing]
+    return join([f"{_set_and_kind(graph, item.candidate)} at {clock_text(item.time)}" for item in named])
 
 
 def ranking_text(graph: BondGraph, diagnosis: Diagnosis) -> str:
@@ -335,12 +333,15 @@ def verdict_sentence(graph: BondGraph, history: History, counts: RunCounts, nota
     if history.open is None and counts.no_verdict:
         return f"No verdict: {counts.no_verdict}."
     if history.open is None and history.detections:
-        repaired, taken = ([item for item in history.accepted if item.repaired is is_so] for is_so in (True, False))
-        told = [f"Repaired: {decided_text(graph, repaired)}."] if repaired else []
-        told += [f"Accepted as the new normal: {decided_text(graph, taken)}."] if taken else []
-        if history.accepted:
+        repaired, taken = (
+            decided_text(graph, [item for item in history.accepted if item.repaired is is_so])
+            for is_so in (True, False)
+        )
+        told = [f"Repaired: {repaired}."] if repaired else []
+        told += [f"Accepted as the new normal: {taken}."] if taken else []
+        if told:
             return " ".join([*told, "No other fault was found."])
-        which = "The alarm was" if len(history.over) == 1 else "Each alarm was"
+        which = "The alarm was" if len(history.detections) == 1 else "Each alarm was"
         return f"{which} over by itself: nothing was further off than healthy parts may be. No fault is claimed."
     if history.open is None:
         span = duration_text(_span(graph, history, counts))

@@ -72,7 +72,6 @@ class Trace:
         most = None if newest is None else MAX_EVENTS
         self._detections = deque[Detection](maxlen=most)
         self._accepted, self._rejected = deque[Decision](maxlen=most), deque[Decision](maxlen=most)
-        self._over = deque[float](maxlen=most)
         self._open: Detection | None = None
         self.status: Status | None = None  # at the newest sample
         self._forget_diagnoses()
@@ -120,9 +119,6 @@ class Trace:
         self._last = diagnosis
         self._misfits.take(diagnosis)
         self._passed += 1
-        if diagnosis.over:
-            self._over.append(diagnosis.time)
-            self._open = None
 
     def _keep_last(self) -> None:
         """Keep the diagnosis that another one follows, if it is one of those that are kept."""
@@ -173,7 +169,6 @@ class Trace:
             diagnoses=(*self._diagnoses, *(() if self._last is None else (self._last,))),
             accepted=tuple(self._accepted),
             rejected=tuple(self._rejected),
-            over=tuple(self._over),
             open=self._open,
             missed=None if self._last is None else self._misfits.of(self._last),
         )

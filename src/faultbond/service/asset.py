@@ -26,7 +26,7 @@ from faultbond.types import Method
 
 RECENT = 1200  # grid points that are kept in memory at least, for the report
 MOST_UNDOS = 4  # decisions that can be taken back; each keeps the state before it, in memory and in every checkpoint
-_CLOSING = frozenset({"accepted", "over"})  # kinds of records with which an alarm returns to normal
+_CLOSING = frozenset({"accepted"})  # kinds of records with which an alarm returns to normal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -39,7 +39,7 @@ from faultbond.types import Method
 
 SHORT = (15, 12)  # digits, of which the fewest that do are written, as somebody wrote them
 PARQUET, PAGE = (".parquet", ".pq"), (".html", ".htm")
-_TURNS = ("detection", "accepted", "over")  # kinds of records with which an alarm is raised, and ends
+_TURNS = ("detection", "accepted")  # kinds of records with which an alarm is raised, and ends
 LEAD = 3600  # samples before an alarm from which on it is watched again, for a filter that has settled
 QUALITY = ".quality"  # behind the header of a column: that of its qualities
 ARRIVED = ".arrived"  # behind that of the time: when rows came
@@ -241,7 +241,7 @@ def _alarms(journal: Iterable[NamedRecord | Deed], of: str) -> _Alarms:
         elif item.kind == "detection":
             now = _Alarms(unrepaired=(*now.unrepaired, item), open=item)
         else:
-            is_gone = item.kind == "over" or item.content.get("repaired")
+            is_gone = item.content["repaired"] or not item.content["components"]
             now = _Alarms(unrepaired=now.unrepaired[:-1] if is_gone else now.unrepaired)
     return now
 

@@ -22,7 +22,7 @@ from faultbond.service.contract.face import Shown
 from faultbond.service.contract.messages import Action, Curves, Deed, NamedRecord
 from faultbond.service.sinks.measures import AssetMeasures
 
-EVENTS = ("detection", "accepted", "over")  # kinds of records that stand in the journal beside what people did
+EVENTS = ("detection", "accepted")  # kinds of records that stand in the journal beside what people did
 RANKED = 6  # candidates whose probability is drawn over time
 _DECIDE = (Action.ACCEPT, Action.REJECT, Action.REPAIRED)
 
@@ -165,12 +165,12 @@ def journal_of(deeds: Iterable[Deed]) -> list[Shown]:
 
 
 def events_of(journal: Iterable[NamedRecord | Deed]) -> list[Shown]:
-    """Give what happened by itself, newest first: alarms, and how they ended; what people accept is a deed."""
+    """Give what happened by itself, newest first: alarms, and what a rule accepted; what people accept is a deed."""
     events, behind = list[Shown](), 0
     for item in journal:
         if isinstance(item, Deed):
             behind = item.number
-        elif item.content.get("by") != Decider.PERSON.value:
+        elif item.kind == "detection" or item.content["by"] == Decider.RULE.value:
             alarm = item.kind == "detection"
             text = _event_text(item.content)
             events.append(finite({"time": item.time, "text": text, "alarm": alarm, "behind": behind}))
@@ -179,7 +179,7 @@ def events_of(journal: Iterable[NamedRecord | Deed]) -> list[Shown]:
 
 def _event_text(content: Mapping[str, Any]) -> str:
     """Say in a sentence that an alarm was raised, by what, or that it ended, and why."""
-    if content["record"] == "over":
+    if content["record"] == "accepted" and not content["components"]:
         return "Alarm ended by itself: for long nothing was further off than healthy parts may be."
     if content["record"] == "accepted":
         percent = probability_text(content["probability"])

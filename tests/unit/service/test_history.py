@@ -220,7 +220,7 @@ def test_a_report_whose_alarm_cannot_be_seen_any_more(kept: Path, monkeypatch: p
 def test_what_is_left_of_alarms() -> None:
     """An alarm counts until it was repaired, or over, is open until something was accepted, and again once undone."""
     raised = told("pump", 3)
-    accepted, repaired = (told("pump", 5, "accepted", repaired=is_so) for is_so in (False, True))
+    accepted, repaired = (told("pump", 5, "accepted", repaired=is_so, components=["pipe"]) for is_so in (False, True))
     accept, seen, undo = (deed("pump", 6, action) for action in (Action.ACCEPT, Action.ACKNOWLEDGE, Action.UNDO))
     cases: list[tuple[list[NamedRecord | Deed], int, bool]] = [
         ([], 0, False),
@@ -230,7 +230,7 @@ def test_what_is_left_of_alarms() -> None:
         ([raised, accept, accepted, raised, accept, repaired], 1, False),
         ([raised, accept, repaired, seen, undo], 1, True),
         ([raised, accept, accepted, raised], 2, True),
-        ([raised, accept, accepted, raised, told("pump", 9, "over")], 1, False),
+        ([raised, accept, accepted, raised, told("pump", 9, "accepted", repaired=False, components=[])], 1, False),
     ]
     for journal, unrepaired, is_open in cases:
         left = history._alarms(journal, "pump/a/")

@@ -26,7 +26,7 @@ def test_events_are_alarms_and_how_they_ended() -> None:
         told("detection", 1604.0, {"signals": [], "walk": walk}),
         told("accepted", 1704.0, {**pipe, "by": "person"}),
         told("detection", 1804.0, {"signals": ["flow"]}),
-        told("over", 1904.0, {"detection": 1804.0}),
+        told("accepted", 1904.0, {"components": [], "probability": 0.97, "repaired": False, "by": "rule"}),
     ]
     assert {item.kind for item in journal if isinstance(item, NamedRecord)} == set(EVENTS)
     ended = f"Alarm ended: a rule accepted pipe (99.3{NO_BREAK}%)."

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-KINDS = ("detection", "diagnosis", "accepted", "rejected", "over")  # of records, in the order in which they come
+KINDS = ("detection", "diagnosis", "accepted", "rejected")  # of records, in the order in which they come
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

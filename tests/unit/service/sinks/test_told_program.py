@@ -119,7 +119,7 @@ def test_a_check_says_whom_it_would_tell(tmp_path: Path, capsys: pytest.CaptureF
     path.write_text(SITE.format(recording=RECORDING, model=MODEL, port=1, hook=2, broker=3))
     assert main(["serve", "--site", str(path), "--check"]) == 0
     said = capsys.readouterr().out
-    assert "tickets: is told detection, diagnosis, accepted, rejected, over by http://127.0.0.1:2\n" in said
+    assert "tickets: is told detection, diagnosis, accepted, rejected by http://127.0.0.1:2\n" in said
     assert "scada: is told detection, how assets stand by mqtt://127.0.0.1:3/found\n" in said
     (tmp_path / "secret").unlink()
     assert main(["serve", "--site", str(path), "--check"]) == 2
