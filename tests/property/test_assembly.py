@@ -33,7 +33,7 @@ def test_each_value_is_in_one_row(values: list[tuple[int, float, float, float]],
     """As often as it came, in its signal's place, at its time or one that is near enough."""
     rows = [row for _, row in passed(values, Assembly(N, patience=1.0, together=together))]
     left = [(signal, value, time) for signal, value, time, _ in values]
-    for moment, cells, _ in rows:
+    for moment, cells, *_ in rows:
         for signal, cell in enumerate(cells):
             if not math.isnan(cell):
                 fit = [item for item in left if item[:2] == (signal, cell) and abs(item[2] - moment) <= together]
@@ -41,22 +41,23 @@ def test_each_value_is_in_one_row(values: list[tuple[int, float, float, float]],
     assert left == []
 
 
-@given(values=VALUES, patience=st.floats(0.0, 2.0), hold=st.sampled_from([(), (0,), (0, 1, 2)]))
+@given(
+    values=VALUES,
+    patience=st.floats(0.0, 2.0),
+    hold=st.sampled_from([(), (0,), (0, 1, 2)]),
+    settle=st.sampled_from([0.0, 0.2, 5.0]),
+)
 def test_no_row_waits_longer_than_patience(
-    values: list[tuple[int, float, float, float]], patience: float, hold: tuple[int, ...]
+    values: list[tuple[int, float, float, float]], patience: float, hold: tuple[int, ...], settle: float
 ) -> None:
-    """After each look, nothing waits whose first value came so long ago, and `due` tells when to look again."""
-    assembly, now = Assembly(N, hold=hold, patience=patience), 0.0
+    """Nothing is left whose first value came so long ago, and the last of a row comes no sooner than its first."""
+    assembly, now = Assembly(N, hold=hold, patience=patience, settle=settle), 0.0
     for signal, value, time, wait in values:
         now += wait
         assembly.add(signal, value, time, now)
-        assembly.ready(now)
-        due = assembly.due()
-        assert due is None or now < due <= now + patience
-        if due is not None:
-            n_left = len(assembly._rows)
-            assembly.ready(due)
-            assert len(assembly._rows) < n_left
+        out = assembly.ready(now)
+        assert all(row.came <= now for row in out)
+        assert all(now < row.first + patience and row.first <= row.last for row in assembly._rows)
 
 
 @given(data=st.data(), n_rows=st.integers(1, 8), lost=st.booleans())

@@ -68,7 +68,22 @@ def test_a_value_without_a_time_is_a_row_for_the_grid_to_count() -> None:
     assembly.add(1, 1.0, math.nan, 0.0)
     assembly.add(0, 1.0, math.inf, 0.0)
     assert repr(plain(assembly.ready(0.0))) == "[(nan, (nan, 1.0)), (nan, (1.0, nan))]"
-    assert assembly.due() is None
+    assert assembly.ready(2.0) == []
+
+
+def test_a_complete_row_settles_until_what_holds_is_known() -> None:
+    """By a value of its time or later, or by time; so what comes a moment after the rest is in the row."""
+    assembly = Assembly(3, hold=[0, 1], patience=1.0, settle=0.1)
+    assembly.add(2, 1.0, 5.0, 0.0)
+    assembly.add(0, 7.0, 5.0, 0.05)
+    assert assembly.ready(0.05) == []
+    assembly.add(1, 8.0, 5.0, 0.06)
+    (found,) = assembly.ready(0.06)
+    assert (found.values, found.came) == ((7.0, 8.0, 1.0), 0.0)
+    assembly.add(2, 2.0, 6.0, 1.0)
+    assembly.add(1, 9.0, 9.0, 1.0)
+    assert assembly.ready(1.09) == []
+    assert plain(assembly.ready(1.1)) == [(6.0, (7.0, 8.0, 2.0))]
 
 
 def test_what_waits_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:

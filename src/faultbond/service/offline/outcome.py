@@ -26,8 +26,8 @@ LONGEST = 1000  # characters of a sentence
 _HEADLINE = re.compile(r"<h1>(.*?)</h1>", re.DOTALL)
 _NO_MEMORY = re.compile(
     r"MemoryError|annot allocate memory|out of memory|bad_alloc|memory exhausted|[Uu]nable to allocate"
-    r"|error return without exception set|Failed to launch worker thread|can't start new thread"
-    r"|emory allocation|failed to map segment|rtual memory"
+    r"|error return without exception set|NULL without setting an exception|Failed to launch worker thread"
+    r"|can't start new thread|emory allocation|failed to map segment|rtual memory"
 )
 _NO_ROOM = "File too large"
 

@@ -1,10 +1,11 @@
 """Rows from values that come one by one.
 
 The policy: values of one source time are one row, and so are those whose times differ by no more than `together`. A row
-is complete when every signal has a value in it; a signal that holds takes its last value up to the time of the row.
-Complete rows go out in the order of their times, which for a row means to wait for those before it; none waits longer
-than `patience` since its first value came, and what lacks then is missing. What comes later than its row, or twice, is
-a row of its own: the grid, which takes the rows, judges and counts them.
+is complete when every signal has a value in it; a signal that holds takes its last value up to the time of the row,
+which waits `settle` since its first value came unless it is known by then. Complete rows go out in the order of their
+times, which for a row means to wait for those before it; none waits longer than `patience`, and what lacks then is
+missing. What comes later than its row, or twice, is a row of its own: the grid, which takes the rows, judges and counts
+them.
 """
 
 import math
@@ -20,20 +21,21 @@ _Held = tuple[float, int, float, Quality]  # time, number of arrival, value, its
 
 
 class RawRow(NamedTuple):
-    """Source time, s, the values of the signals, nan where there is none, and their qualities."""
+    """Source time, s, the values of the signals, nan where there is none, their qualities, and when the last came."""
 
     time: float
     values: tuple[float, ...]
     qualities: tuple[Quality, ...]
+    came: float
 
 
 class _Begun:
-    """A row that waits. first: when its first value came. number: of its begin."""
+    """A row that waits. first, last: when its first and its last value came. number: of its begin."""
 
-    __slots__ = ("first", "has", "number", "qualities", "time", "values")
+    __slots__ = ("first", "has", "last", "number", "qualities", "time", "values")
 
     def __init__(self, time: float, first: float, number: int, n_signals: int) -> None:
-        self.time, self.first, self.number = time, first, number
+        self.time, self.first, self.last, self.number = time, first, first, number
         self.values, self.qualities = [math.nan] * n_signals, [Quality.GOOD] * n_signals
         self.has: set[int] = set()
 
@@ -42,7 +44,7 @@ class _Begun:
         self.has.add(signal)
 
     def raw(self) -> RawRow:
-        return RawRow(self.time, tuple(self.values), tuple(self.qualities))
+        return RawRow(self.time, tuple(self.values), tuple(self.qualities), self.last)
 
 
 class Assembly:
@@ -54,10 +56,14 @@ class Assembly:
     hold : numbers of the signals that hold; where all do, each value begins a row
     patience : s that a row waits
     together : s by which the times of the values of a row may differ
+    settle : s that a complete row waits for what holds
     """
 
-    def __init__(self, n_signals: int, *, hold: Sequence[int] = (), patience: float, together: float = 0.0) -> None:
+    def __init__(
+        self, n_signals: int, *, hold: Sequence[int] = (), patience: float, together: float = 0.0, settle: float = 0.0
+    ) -> None:
         self._n, self._patience, self._together = n_signals, patience, together
+        self._settle = settle
         self._held: dict[int, list[_Held]] = {k: [] for k in hold}
         self._awaited = frozenset(range(n_signals)) - frozenset(hold)
         self._rows: list[_Begun] = []  # by time, then by number
@@ -82,6 +88,7 @@ class Assembly:
                 return
         row = self._open(signal, time) or self._begin(time, now)
         row.take(signal, value, quality)
+        row.last = now
 
     def forget(self, signals: Iterable[int]) -> None:
         """Forget the last values of signals that hold; those of others are in their rows."""
@@ -94,7 +101,7 @@ class Assembly:
         found, left, is_held_up = list[_Begun](), list[_Begun](), False
         surplus = len(self._rows) - MOST_ROWS
         for k, row in enumerate(self._rows):
-            is_complete = row.has >= self._awaited
+            is_complete = row.has >= self._awaited and self._is_settled(row, now)
             is_late = row.time <= self._newest
             if k < surplus or now >= row.first + self._patience or (is_complete and (is_late or not is_held_up)):
                 found.append(row)
@@ -103,13 +110,13 @@ class Assembly:
                 is_held_up = is_held_up or not is_late
         return self._out(found, left)
 
+    def _is_settled(self, row: _Begun, now: float) -> bool:
+        """Whether no value is awaited any more that may hold in a row."""
+        return now >= row.first + self._settle or all(held and held[-1][0] >= row.time for held in self._held.values())
+
     def finish(self) -> list[RawRow]:
         """Give all that waits."""
         return self._out(self._rows, [])
-
-    def due(self) -> float | None:
-        """Give the moment at which a row has waited for long enough; None where none waits."""
-        return min((row.first for row in self._rows), default=math.inf) + self._patience if self._rows else None
 
     def _open(self, signal: int, time: float) -> _Begun | None:
         """Give the row that a value belongs to: of its time or, if there is none, of the time that is nearest."""

@@ -1,10 +1,10 @@
 """The way of single values from the network to the queue: their quality, their row, their units."""
 
-import asyncio
 import math
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from faultbond.service.sources.options import SourceOptions
 from faultbond.service.sources.queue import ArrivalQueue
 
 SETTLE = 0.02  # s within which values are taken to come together
+LONGEST = 0.5  # s between two looks at what waits, so that it is bounded
 SAMPLES, LEAST, MOST = 2.0, 0.2, 5.0  # patience where none is declared: so many samples, within these s
 TOGETHER = 0.5  # of a sample: the grid takes the row that is no farther off
 TIME = "\0time"  # the name of no column
@@ -26,8 +27,7 @@ UNREADABLE, UNKNOWN = "unreadable", "unknown"  # what is no number, or no messag
 RETAINED = "retained"  # an old value without a time: it says nothing of now
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reading:
+class Reading(NamedTuple):
     """A value as it came. time: of its source, s; None where the source gave none."""
 
     column: str
@@ -37,7 +37,7 @@ class Reading:
 
 
 class Intake:
-    """Takes the values of one asset and lets its rows wait in a queue. It lives in a running loop.
+    """Takes the values of one asset and lets its rows wait in a queue.
 
     Parameters
     ----------
@@ -60,15 +60,15 @@ class Intake:
             hold=sorted(self.columns[name] for name in self.held),
             patience=usual if options.patience is None else options.patience,
             together=TOGETHER * (step or 0.0) if options.together is None else options.together,
+            settle=SETTLE,
         )
         own = replace(columns, time=TimeColumn(column=TIME))
         self._row = row_reader(own, [TIME, *self.columns], subscriber.asset)
-        self._timer: asyncio.TimerHandle | None = None
-        self._wakes = math.inf
+        self._looked = time.monotonic()
 
     def take(self, readings: Sequence[Reading]) -> None:
-        """Take values that came just now; they may be of rows that are complete a moment later."""
-        now = asyncio.get_running_loop().time()
+        """Take values that came just now."""
+        now = time.monotonic()
         for item in readings:
             number = finite_number(item.value)
             if item.quality is not Quality.GOOD:
@@ -78,11 +78,12 @@ class Intake:
             value = math.nan if item.quality is Quality.BAD else number
             moment = time.time() if item.time is None else item.time
             self._assembly.add(self.columns[item.column], value, moment, now, item.quality)
-        if readings:
-            self._wake(now + SETTLE)
+        if now >= self._looked + LONGEST:  # who takes rows stands still
+            self.look()
 
     def forget(self, columns: Iterable[str]) -> None:
-        """Forget what holds of some columns: it is of the past."""
+        """Forget what holds of some columns: it is of the past, and in rows of before only."""
+        self.look()
         self._assembly.forget(self.columns[name] for name in columns)
 
     def count(self, name: str, number: int = 1) -> None:
@@ -93,40 +94,26 @@ class Intake:
         """Tell why all values are of the past, or by an empty text that they are of now."""
         self._queue.tell_stale(self.asset, why)
 
+    def look(self) -> None:
+        """Let the rows go that need not wait any more; whoever takes rows asks for it before."""
+        self._looked = time.monotonic()
+        self._pass_on(self._assembly.ready(self._looked))
+
     def close(self) -> None:
         """Let all rows go, complete or not."""
-        if self._timer is not None:
-            self._timer.cancel()
         self._pass_on(self._assembly.finish())
 
-    def _wake(self, moment: float) -> None:
-        """Look at what waits at a moment, if not before."""
-        if moment >= self._wakes:
-            return
-        if self._timer is not None:
-            self._timer.cancel()
-        self._wakes = moment
-        self._timer = asyncio.get_running_loop().call_at(moment, self._settle)
-
-    def _settle(self) -> None:
-        """Pass on the rows that go out now."""
-        now = asyncio.get_running_loop().time()
-        self._timer, self._wakes = None, math.inf
-        self._pass_on(self._assembly.ready(now))
-        due = self._assembly.due()
-        if due is not None:
-            self._wake(max(due, now + SETTLE))
-
     def _pass_on(self, rows: Sequence[RawRow]) -> None:
+        since = time.time() - time.monotonic()
         for item in rows:
             try:
                 row = self._row(1, (item.time, *item.values))
             except RecordingError:  # no number makes it
                 self.count(UNREADABLE)
                 continue
-            if any(item.qualities):
-                row = replace(row, quality=np.array([item.qualities[k] for k in self._signals], dtype=np.uint8))
-            self._queue.put(self.asset, row)
+            qualities = [item.qualities[k] for k in self._signals] if any(item.qualities) else None
+            quality = None if qualities is None else np.array(qualities, dtype=np.uint8)
+            self._queue.put(self.asset, replace(row, quality=quality, arrived=since + item.came))
 
 
 def held_columns(subscriber: Subscriber, options: SourceOptions) -> tuple[str, ...]:

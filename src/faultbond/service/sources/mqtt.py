@@ -118,6 +118,8 @@ class MqttSource:
                 lost = asyncio.ensure_future(anext(client.messages))
                 try:
                     while not (await asyncio.wait({lost}, timeout=GATHER))[0]:
+                        for reader in readers:
+                            reader.intake.look()
                         for found in self._queue.drain():
                             yield found
                     raise _reason(lost)

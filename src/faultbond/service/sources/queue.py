@@ -3,7 +3,6 @@
 import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -32,12 +31,12 @@ class ArrivalQueue:
         self._most = most
 
     def put(self, asset: str, row: Row) -> None:
-        """Let a row wait that comes now."""
+        """Let a row wait."""
         rows = self._rows[asset]
         if len(rows) >= self._most:
             rows.popleft()
             self._counts[asset][DROPPED] += 1
-        rows.append(replace(row, arrived=time.time()))
+        rows.append(row)
 
     def count(self, asset: str, name: str, number: int = 1) -> None:
         """Count what came and is in no row, or is in one as missing."""
