@@ -11,6 +11,7 @@ import numpy as np
 from bare_core import compiled, in_c
 from faultbond.arrays import FloatArray
 from faultbond.contract.core_settings import core_settings
+from faultbond.contract.lanes import plan_lanes
 from faultbond.contract.slots import plan_slots
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.plant import build_plant
@@ -187,12 +188,17 @@ class Diagnosed:
             self.lane(what, lane)[(self.spec if what == "step" else self.spec.slotted).n_numbers - 1] = float(value)
 
     def far_off(self) -> None:
-        """Let all parameters of all lanes be far from healthy, within their ranges."""
-        for what, count, spec in (("step", self.n_steps, self.spec), ("slot", self.n_slots, self.spec.slotted)):
-            for k in range(count):
-                lane = self.lane(what, k)
-                for place in range(spec.parameter_slice.start, spec.parameter_slice.stop):
-                    lane[place] = FAR
+        """Let the suspects of all lanes be far from healthy, within their ranges, and all else as declared."""
+        steps, slots = plan_lanes(self.spec), plan_slots(self.spec).lanes
+        for index, item in enumerate(self.spec.parameters):
+            for k in range(self.n_steps):
+                is_suspect = k >= steps.n_lanes or steps.suspected[index, k]
+                self.lane("step", k)[self.spec.parameter_slice.start + index] = FAR if is_suspect else item.healthy
+            for k, slot in enumerate(slots):
+                is_suspect = slot.parameter == index
+                self.lane("slot", k)[self.spec.slotted.parameter_slice.start + index] = (
+                    FAR if is_suspect else item.healthy
+                )
 
     def only(self, lane: int) -> None:
         """Let one lane explain the data, steps first."""
@@ -235,8 +241,8 @@ def _record(n_limits: int, largest: int, most: int, *, n_parameters: int) -> Any
     candidate += [("n_suspects", "i8"), ("probability", "f8"), ("shares", "f8", (len(KINDS),))]
     candidate += [("suspects", suspect, (largest,))]
     head = numbers("i8", "n_candidates", "is_over", "is_unexplained", "has_untested", "untested_sets")
-    head += numbers("i8", "signal", "n_superseded", "n_elsewhere")
+    head += numbers("i8", "signal", "n_superseded", "n_elsewhere", "n_strained")
     rest = numbers("f8", "unexplained_sd", "since", "until", "untested_probability", "within_accuracy", "mismatch")
     before = [("superseded_until", "f8"), ("superseded", "i8", (max(largest, 1),))]
-    before += [("elsewhere", "i8", (max(n_parameters, 1),))]
+    before += [(name, "i8", (max(n_parameters, 1),)) for name in ("elsewhere", "strained")]
     return np.dtype([("time", "f8"), *head, *rest, *before, ("candidates", candidate, (most,))])

@@ -143,10 +143,19 @@ function supersededSentence(before) {
     "one by one where the first is accepted, as `--accept auto` does.";
 }
 
+// That the likeliest hypothesis takes along what it leaves healthy.
+function strainedSentence(diagnosis) {
+  const [was, counts, that] = diagnosis.strained.length === 1 ? ["it was", "counts", "it"] : ["they were", "count", "they"];
+  return `What comes nearest explains the data only with ${joined(diagnosis.strained)} far from where ${was}, which ${counts} as healthy then. ` +
+    `Either ${that} changed besides, at another time, or the model is off there (${probabilityText(diagnosis.mismatch)}${NO_BREAK}%): ` +
+    "no fault is claimed.";
+}
+
 // Why no candidate is claimed of what began with this alarm; empty where one is.
 function noClaim(diagnosis, detection) {
   const most = `Most likely the model is off (${probabilityText(diagnosis.mismatch)}${NO_BREAK}%)`;
   if (diagnosis.superseded) return supersededSentence(diagnosis.superseded);
+  if (diagnosis.strained) return strainedSentence(diagnosis);
   if (diagnosis.elsewhere) {
     const names = joined(diagnosis.elsewhere), alone = diagnosis.elsewhere.length === 1;
     const off = alone ? "is far from where it is declared" : "are far from where they are declared";
@@ -250,7 +259,7 @@ const EVENLY = "each percentage above has an even share of that in it.";
 // How likely it is that the model is off, and how likely the first is if it is right.
 function mismatchText(diagnosis) {
   const off = diagnosis.mismatch;
-  const what = diagnosis.superseded ? "more changed, later, or the model is off" : "the model is off";
+  const what = `${diagnosis.superseded ? "more changed, later, or " : diagnosis.strained ? "more changed, or " : ""}the model is off`;
   const told = `With ${probabilityText(off)}${NO_BREAK}% ${what}: ${EVENLY}`;
   if (off >= 1 || diagnosis.count < 2) return told;
   const right = (diagnosis.candidates[0].probability - diagnosis.even) / (1 - off);

@@ -176,7 +176,9 @@ class Diagnosis:
     healthy data before. superseded: what was sure before, and is none of the likeliest any more, or did not explain the
     data since; then something else may have changed later, which is part of `mismatch`. elsewhere: parameters that
     count as healthy and are far from where they are declared, while no suspect changed, which is part of it, too.
-    over: whether it is the last one, since the alarm is over by itself: for long nothing has been at fault.
+    strained: parameters that the first candidate leaves healthy, and has to move far, part of it as well: they changed
+    besides, or the model is off there. over: whether it is the last one, since the alarm is over by itself: for long
+    nothing has been at fault.
     """
 
     time: float
@@ -188,6 +190,7 @@ class Diagnosis:
     mismatch: float = 0.0
     superseded: Superseded | None = None
     elsewhere: tuple[str, ...] = ()
+    strained: tuple[str, ...] = ()
     over: bool = False
 
 

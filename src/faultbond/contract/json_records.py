@@ -76,6 +76,7 @@ def diagnosis_record(diagnosis: Diagnosis, *, outside: bool = False) -> Record:
         "mismatch": diagnosis.mismatch,
         **({} if diagnosis.superseded is None else {"superseded": _superseded(diagnosis.superseded)}),
         **({"elsewhere": list(diagnosis.elsewhere)} if diagnosis.elsewhere else {}),
+        **({"strained": list(diagnosis.strained)} if diagnosis.strained else {}),
         **({"outside": True} if outside else {}),
     }
 

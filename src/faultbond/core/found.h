@@ -64,12 +64,13 @@ typedef struct {
    `untested_probability` is at most how likely it is that one is the true one; 1: no bound. `within_accuracy`: probability that
    nothing is at fault but what the declared accuracy allows; `is_over`: 1 where it has been so for so long that the alarm is over. `mismatch`: that the model is off, see mismatch.h. `superseded`: the parts
    [n_superseded] that were sure to be at fault until `superseded_until`, s, and are none of the likeliest any more, or did not explain
-   the data since. `elsewhere`: the parameters [n_elsewhere] that count as healthy and are far from where they are declared. */
+   the data since. `elsewhere`: the parameters [n_elsewhere] that count as healthy and are far from where they are declared. `strained`:
+   those [n_strained] which the first candidate leaves healthy, and has had to move far. */
 typedef struct {
     double time; /* s */
-    int64_t n_candidates, is_over, is_unexplained, has_untested, untested_sets, signal, n_superseded, n_elsewhere;
+    int64_t n_candidates, is_over, is_unexplained, has_untested, untested_sets, signal, n_superseded, n_elsewhere, n_strained;
     double unexplained_sd, since, until, untested_probability, within_accuracy, mismatch, superseded_until;
-    int64_t superseded[FB_ROOM(LARGEST_SET)], elsewhere[FB_ROOM(N_PARAMETERS)];
+    int64_t superseded[FB_ROOM(LARGEST_SET)], elsewhere[FB_ROOM(N_PARAMETERS)], strained[FB_ROOM(N_PARAMETERS)];
     Candidate candidates[MOST_CANDIDATES];
 } Diagnosis;
 

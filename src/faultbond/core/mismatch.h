@@ -16,6 +16,10 @@
    else changed besides, later, and no hypothesis is of two things that changed one after the other. Figures:
    docs/decisions/039-one-after-the-other.md.
 
+   So it is where the likeliest hypothesis has to move a parameter far that it leaves healthy, of another part than its suspects: a
+   healthy one keeps to its accuracy, or to what else it may change by. Then that changed besides, at another time, or the model is off there. Of what a fault does to
+   other parameters of its own part nothing is said. Figures: docs/decisions/045-strained.md.
+
    And where nothing that is tested changed, but the likeliest lane has such a parameter far from where it is declared: then that is
    what changed, or the model is off there. Of a trusted drive that travels at a third of its rate every lane learns so, in time. */
 #ifndef FB_MISMATCH_H
@@ -30,6 +34,8 @@ FB_SELDOM
 #define OFF_SINCE 0.5      /* and where it was for a while, and then moved: a fault may move what it is not */
 #define OFF_UNFAMILIAR 0.5 /* and where a suspect had to move too far, of a plant that was where the model was never fitted, */
 #define OFF_SUPERSEDED 0.5 /* and where another one was sure before */
+#define OFF_STRAINED 0.5   /* and where the first candidate moves what it leaves healthy, */
+#define STRAINED 4.0       /* by so many accuracies, or healthy changes, since the alarm, and from where it is declared */
 #define FAR_OFF 8.0        /* accuracies from where it is declared, of what counts as healthy */
 #define MORE_THAN_HALF 0.5
 
@@ -45,7 +51,8 @@ static int is_in_a_set(int64_t parameter)
 static double probability_off(const State *state, const Diagnosis *found)
 {
     const double alarms = (double)FALSE_ALARMS / (FALSE_ALARMS + 1.0);
-    const double known = found->n_superseded > 0 ? fmax(alarms, OFF_SUPERSEDED) : alarms;
+    const double more = found->n_superseded > 0 ? OFF_SUPERSEDED : found->n_strained > 0 ? OFF_STRAINED : 0.0;
+    const double known = fmax(alarms, more);
     if (state->alarm.walker < 0) return known;
     if (is_in_a_set(state->alarm.walker)) return state->alarm.unfamiliar ? fmax(known, OFF_UNFAMILIAR) : known;
     return fmax(known, state->alarm.window == WALKS ? OFF_FROM_START : OFF_SINCE);
@@ -67,14 +74,19 @@ static int part_of(const Suspect *suspect)
     return suspect->input >= 0 ? INPUT_PART[suspect->input] : OUTPUT_PART[suspect->output];
 }
 
+/* Whether a candidate has a suspect that is a part, or is of it. */
+static int has_part(const Candidate *candidate, int64_t part)
+{
+    for (int64_t k = 0; k < candidate->n_suspects; k++)
+        if (part_of(&candidate->suspects[k]) == part) return 1;
+    return 0;
+}
+
 /* Whether a candidate has all parts that were sure to be at fault. */
 static int has_settled(const Candidate *candidate, const Settled *settled)
 {
-    for (int64_t i = 0; i < settled->n_parts; i++) {
-        int is_there = 0;
-        for (int64_t k = 0; k < candidate->n_suspects; k++) is_there |= part_of(&candidate->suspects[k]) == settled->parts[i];
-        if (!is_there) return 0;
-    }
+    for (int64_t i = 0; i < settled->n_parts; i++)
+        if (!has_part(candidate, settled->parts[i])) return 0;
     return 1;
 }
 
@@ -91,12 +103,26 @@ static void find_superseded(const State *state, const Ranking *ranking, Diagnosi
     found->superseded_until = missed->is_noted[before] ? missed->since[before] : state->settled.until;
 }
 
+/* Tell which parameters the first candidate has to move far though it leaves them healthy, by its likeliest lane. */
+static void find_strained(const State *state, int64_t lane, Diagnosis *found)
+{
+    for (int j = 0; lane >= 0 && j < N_PARAMETERS; j++) {
+        const double now = number_in(&state->bank, lane, AT_PARAMETERS + j), before = state->bank.healthy[AT_PARAMETERS + j];
+        const double moved = fmin(fabs(now - before), fabs(now - HEALTHY[j]));
+        if (!(ACCURACY[j] > 0.0) || !(moved > STRAINED * fmax(ACCURACY[j], HEALTHY_CHANGE[j]))) continue;
+        if (has_part(&found->candidates[0], PARAMETER_PART[j])) continue;
+        found->strained[found->n_strained++] = j;
+    }
+}
+
 /* Leave to a model that is off what is its part of a ranking. It tells no tested set from another, so each has an even share. */
 static void leave_to_mismatch(const State *state, const Ranking *ranking, Diagnosis *found)
 {
-    const double off = probability_off(state, found), left = 1.0 - off, within = found->within_accuracy;
+    const int64_t leading = leading_hypothesis(ranking), lane = leading >= 0 ? ranking->best[leading] : -1;
     int64_t n_tested = 0;
-    if (within > MORE_THAN_HALF) find_elsewhere(state, ranking->best[leading_hypothesis(ranking)], found);
+    if (found->within_accuracy > MORE_THAN_HALF) find_elsewhere(state, lane, found);
+    else find_strained(state, lane, found);
+    const double off = probability_off(state, found), left = 1.0 - off, within = found->within_accuracy;
     found->mismatch = off + (found->n_elsewhere > 0 ? left * within : 0.0); /* of both each set has an even share already */
     found->within_accuracy = found->n_elsewhere > 0 ? 0.0 : left * within;
     if (!(off > 0.0)) return;

@@ -289,13 +289,13 @@ static void tell_superseded(Json *json, const Diagnosis *found)
     json_close(json, '}');
 }
 
-/* What counts as healthy and is far from where it is declared, where there is such. */
-static void tell_elsewhere(Json *json, const Diagnosis *found)
+/* Names of parameters, where there are some. */
+static void tell_parameters(Json *json, const char *key, const int64_t *parameters, int64_t n)
 {
-    if (found->n_elsewhere == 0) return;
-    json_key(json, "elsewhere");
+    if (n == 0) return;
+    json_key(json, key);
     json_open(json, '[');
-    for (int64_t k = 0; k < found->n_elsewhere; k++) json_text(json, PARAMETER_NAMES[found->elsewhere[k]]);
+    for (int64_t k = 0; k < n; k++) json_text(json, PARAMETER_NAMES[parameters[k]]);
     json_close(json, ']');
 }
 
@@ -317,7 +317,8 @@ static void write_diagnosis(Json *json, const Diagnosis *found, const Advice *ad
     tell_real(json, "within_accuracy", found->n_candidates > 0 ? found->within_accuracy : NAN);
     tell_real(json, "mismatch", found->mismatch);
     tell_superseded(json, found);
-    tell_elsewhere(json, found);
+    tell_parameters(json, "elsewhere", found->elsewhere, found->n_elsewhere);
+    tell_parameters(json, "strained", found->strained, found->n_strained);
     if (is_outside) tell_truth(json, "outside", 1);
     end_record(json);
 }

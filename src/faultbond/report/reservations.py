@@ -20,6 +20,8 @@ def reason_for_none(graph: BondGraph, diagnosis: Diagnosis, began: Detection) ->
     """Say why no candidate is claimed of what began with this alarm; empty where one is."""
     if diagnosis.superseded is not None:
         return superseded_sentence(diagnosis.superseded)
+    if diagnosis.strained:
+        return _strained_sentence(diagnosis)
     if diagnosis.mismatch:  # it is never less likely than all sets together
         return _off_sentence(graph, diagnosis, began)
     if diagnosis.unexplained is not None:
@@ -78,6 +80,17 @@ def superseded_sentence(before: Superseded) -> str:
         f"Up to {until} {what} {was} sure to be at fault, and {does} not explain what came then. Either something else "
         "changed besides, or that was wrong: no fault is claimed. Faults that come one after the other are told one by "
         "one where the first is accepted, as `--accept auto` does."
+    )
+
+
+def _strained_sentence(diagnosis: Diagnosis) -> str:
+    """Say that the likeliest hypothesis takes along what it leaves healthy, and what that may mean."""
+    names, alone = join(diagnosis.strained), len(diagnosis.strained) == 1
+    was, counts, that = ("it was", "counts", "it") if alone else ("they were", "count", "they")
+    return (
+        f"What comes nearest explains the data only with {names} far from where {was}, which {counts} as healthy then. "
+        f"Either {that} changed besides, at another time, or the model is off there "
+        f"({probability_text(diagnosis.mismatch)} %): no fault is claimed."
     )
 
 
@@ -262,7 +275,8 @@ def mismatch_sentence(diagnosis: Diagnosis) -> str:
     off = diagnosis.mismatch
     if not off or diagnosis.unexplained is not None:
         return ""
-    what = "the model is off" if diagnosis.superseded is None else "more changed, later, or the model is off"
+    more = "more changed, later, or " if diagnosis.superseded is not None else "more changed, or "
+    what = f"{more if diagnosis.superseded is not None or diagnosis.strained else ''}the model is off"
     told = f"With {probability_text(off)} % {what}: {EVENLY}"
     if off < 1.0 and len(diagnosis.candidates) > 1:
         right = (diagnosis.candidates[0].probability - even_share(diagnosis)) / (1.0 - off)

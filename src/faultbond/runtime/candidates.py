@@ -41,7 +41,10 @@ def diagnosis_of(spec: EngineSpec, found: Any) -> Diagnosis:
     if found["has_untested"]:
         untested = Untested(sets=int(found["untested_sets"]), probability=float(found["untested_probability"]))
     parts = [spec.parts[int(k)] for k in found["superseded"][: int(found["n_superseded"])]]
-    elsewhere = found["elsewhere"][: int(found["n_elsewhere"])]
+    elsewhere, strained = (
+        tuple(spec.parameters[int(k)].name for k in found[name][: int(found[f"n_{name}"])])
+        for name in ("elsewhere", "strained")
+    )
     return Diagnosis(
         time=float(found["time"]),
         candidates=candidates_of(spec, found["candidates"][: int(found["n_candidates"])]),
@@ -50,7 +53,8 @@ def diagnosis_of(spec: EngineSpec, found: Any) -> Diagnosis:
         within_accuracy=float(found["within_accuracy"]),
         mismatch=float(found["mismatch"]),
         superseded=Superseded(components=tuple(parts), until=float(found["superseded_until"])) if parts else None,
-        elsewhere=tuple(spec.parameters[int(k)].name for k in elsewhere),
+        elsewhere=elsewhere,
+        strained=strained,
         over=bool(found["is_over"]),
     )
 

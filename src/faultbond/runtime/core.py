@@ -111,6 +111,7 @@ class Core:
                         "signal",
                         "n_superseded",
                         "n_elsewhere",
+                        "n_strained",
                     )
                 ),
                 *(
@@ -126,7 +127,7 @@ class Core:
                     )
                 ),
                 ("superseded", _INT, (_largest(self.spec),)),
-                ("elsewhere", _INT, (max(len(self.spec.parameters), 1),)),
+                *((name, _INT, (max(len(self.spec.parameters), 1),)) for name in ("elsewhere", "strained")),
                 ("candidates", self.candidate, (min(max(self.spec.n_hypotheses, 1), MAX_CANDIDATES),)),
             ]
         )

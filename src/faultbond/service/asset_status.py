@@ -144,6 +144,10 @@ def diagnosis_line(graph: BondGraph, diagnosis: Diagnosis) -> str:
         before = diagnosis.superseded.components
         was = "were" if len(before) > 1 else "was"
         return f"{join(before)} {was} sure before, so more may have changed; else {told}."
+    if diagnosis.strained:
+        return (
+            f"{join(diagnosis.strained)} moved far besides, so more may have changed, or the model is off; else {told}."
+        )
     if diagnosis.mismatch >= LIKELY:
         return f"most likely the model is off; else {told}."
     if diagnosis.within_accuracy > LIKELY:

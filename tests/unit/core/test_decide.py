@@ -207,6 +207,7 @@ def test_a_lane_whose_covariance_is_none_is_not_accepted(state: Diagnosed, what:
 
 def test_with_a_set_all_fall_that_contain_it(state: Diagnosed) -> None:
     """What is rejected is out with all larger sets, in reserve and with instruments too; the others share."""
+    state.far_off()
     state.only(0)
     state["bank.grown"][:2] = [0, 3]
     before = state.diagnose()["candidates"].copy()

@@ -9,11 +9,13 @@ import pytest
 from bare_core import CELL, bare
 from diagnosed import SPEC, Diagnosed
 from faultbond.contract.core_settings import core_settings
+from faultbond.contract.lanes import plan_lanes
 from faultbond.synthesis.compile import find_compiler
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler on this machine")
 TRUSTED, SUSPECT, OTHER = 0, 1, 2
 PAIR_LANE = 15  # the first of the set (0, 1)
+LOAD_LANE = int(plan_lanes(SPEC).first[SPEC.hypotheses.index((OTHER,))])
 SETTINGS = core_settings()
 WALKS = int(SETTINGS["WALKS"])
 OTHERS = replace(
@@ -84,6 +86,43 @@ def test_what_counts_as_healthy_and_is_elsewhere_is_no_healthy_plant(
     assert found[2] == (0.0 if is_far else before[2])
     assert (before[3], found[3]) == ([], [TRUSTED] if is_far else [])
     assert elsewhere(OTHER, off, false_alarms) == before  # some set has it, and says so itself
+
+
+def strained(moved: float, since: float, *, component: str = "two") -> tuple[float, float, list[int]]:
+    """Give the probabilities that the model is off, and of the load that explains the data, and what it strains.
+
+    The parameter SUSPECT, of a component, is so many accuracies from where it is declared, and from where it was.
+    """
+    parameters = list(SPEC.parameters)
+    parameters[SUSPECT] = replace(parameters[SUSPECT], component=component)
+    state = Diagnosed(replace(SPEC, parameters=tuple(parameters)))
+    state.far_off()
+    state.only(LOAD_LANE)
+    at, item = SPEC.parameter_slice.start + SUSPECT, parameters[SUSPECT]
+    now = item.healthy + moved * item.accuracy
+    state.lane("step", LOAD_LANE)[at] = now
+    state["bank.healthy"][at] = now - since * item.accuracy
+    found = state.diagnose()
+    first = found["candidates"][0]
+    assert first["hypothesis"] == SPEC.hypotheses.index((OTHER,))
+    return float(found["mismatch"]), float(first["probability"]), found["strained"][: found["n_strained"]].tolist()
+
+
+@pytest.mark.parametrize(("moved", "since", "is_far"), [(4.5, 4.5, True), (-9.0, -5.0, True), (3.5, 8.0, False)])
+def test_what_has_to_move_what_it_leaves_healthy_is_not_claimed(moved: float, since: float, *, is_far: bool) -> None:
+    """Of another part, far from where it was at the alarm and is declared: it changed, or the model is off."""
+    off, best, told = strained(moved, since)
+    assert told == ([SUSPECT] if is_far else [])
+    assert off == (SETTINGS["OFF_STRAINED"] if is_far else 0.0)
+    assert (best > 0.9) != is_far
+    assert best > 0.4
+
+
+def test_what_was_far_at_the_alarm_or_is_of_the_part_at_fault_strains_nothing() -> None:
+    """The former the healthy plant has moved; the latter a fault may move."""
+    assert strained(9.0, 1.0)[2] == []
+    assert strained(9.0, 9.0, component="load")[2] == []
+    assert strained(9.0, 9.0)[2] == [SUSPECT]
 
 
 def test_what_may_be_at_fault_and_walks_is_asked_as_before() -> None:

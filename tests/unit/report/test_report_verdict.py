@@ -353,6 +353,25 @@ def test_what_is_trusted_and_has_changed_is_told(walker: str, history: History) 
     )
 
 
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (("K3",), "K3 far from where it was, which counts as healthy then. Either it changed"),
+        (("K3", "K6"), "K3 and K6 far from where they were, which count as healthy then. Either they changed"),
+    ],
+)
+def test_what_the_nearest_takes_along_is_told(names: tuple[str, ...], said: str, history: History) -> None:
+    """With what comes nearest, which is not claimed."""
+    best = kind_of(suspect(GRAPH, "K1", 1.838, 0.025), (FaultKind.STEP, 1.0), probability=0.5)
+    shown = with_last(history, (best,))
+    diagnosis = replace(shown.diagnoses[-1], mismatch=0.5, strained=names)
+    shown = replace(shown, diagnoses=(diagnosis,))
+    told = verdict_sentence(GRAPH, shown, RunCounts(samples=9), Notation.FILE)
+    assert told.startswith(f"What comes nearest explains the data only with {said} besides, at another time, or the")
+    assert "(50.0 %): no fault is claimed. Nearest comes a change of " in told
+    assert mismatch_sentence(diagnosis).startswith("With 50.0 % more changed, or the model is off: ")
+
+
 def test_a_model_that_is_known_to_alarm_is_told_with_its_cure(history: History) -> None:
     """Also where something walked, as long as that is not why it is held to be off."""
     graph = replace(GRAPH, false_alarms=2)
