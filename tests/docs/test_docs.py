@@ -39,14 +39,14 @@ RECORDS = {
         "dropped silent name role values since until"
     ),
     "analyse": (
-        "model model_sha256 states inputs sensors suspects max_faults rank hypotheses sets_left_out groups "
-        "group_reasons sudden_groups sudden_group_reasons near_groups on_data detectable isolable by_causality tests "
-        "structural_sensors routes closed_forms_left_out routes_left_out twins twins_left_out "
-        "smallest_fault sensor_advice sensors_now sensors_not_tried input_advice "
-        "parameters identifiable falsifiable testable uncertain roots other_values sets angle reason mso mtes first "
-        "second always words alike target question components observations equations closed_form refusal steps samples "
-        "frames largest_block noise kind degree real_roots singular remarks value within up down certainty effects "
-        "size in_noise claimed onsets classes near choices input level change hold before after"
+        "model model_sha256 states inputs sensors suspects max_faults false_alarms rank hypotheses sets_left_out "
+        "groups group_reasons sudden_groups sudden_group_reasons near_groups on_data detectable isolable "
+        "by_causality tests structural_sensors routes closed_forms_left_out routes_left_out twins twins_left_out "
+        "smallest_fault sensor_advice sensors_now sensors_not_tried input_advice parameters identifiable "
+        "falsifiable testable uncertain roots other_values sets angle reason mso mtes first second always words "
+        "alike target question components observations equations closed_form refusal steps samples frames "
+        "largest_block noise kind degree real_roots singular remarks value within up down certainty effects size "
+        "in_noise claimed onsets classes near choices input level change hold before after"
     ),
     "trial": (
         "model model_sha256 version recordings recording samples first last promise kept between_alarms peak "

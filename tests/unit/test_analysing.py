@@ -40,6 +40,30 @@ def test_keys_of_the_contract(motor: dict[str, Any]) -> None:
     assert motor["states"] == ["armature.f", "omega"]
 
 
+@pytest.mark.parametrize("alarms", [0, 2])
+def test_a_model_that_alarms_on_healthy_data_says_so_first(
+    alarms: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also what comes of it: `run` claims nothing."""
+    model, record = tmp_path / "model.yaml", tmp_path / "record.json"
+    text = (EXAMPLES / "rc" / "model.yaml").read_text(encoding="utf-8")
+    model.write_text(text + (f"false_alarms: {alarms}\n" if alarms else ""), encoding="utf-8")
+    assert main(["analyse", str(model), "--closed", "0", "--json", str(record)]) == 0
+    head = " ".join(capsys.readouterr().out.split("What the sensors")[0].split())
+    told = f"known it is known to alarm on healthy data (`false_alarms: {alarms}`), so `run` claims no fault by it"
+    assert (told in head) == (alarms > 0)
+    assert json.loads(record.read_text(encoding="utf-8"))["false_alarms"] == alarms
+
+
+def test_the_longest_part_comes_last(capsys: pytest.CaptureFixture[str]) -> None:
+    """Routes and formulas of many sets would stand before all else."""
+    assert main(["analyse", str(MOTOR), "--closed", "0"]) == 0
+    told = capsys.readouterr().out
+    assert max(told.index(title) for title in ("Smallest faults", "Further sensors", "Test inputs")) < told.index(
+        "How it follows"
+    )
+
+
 def test_hypotheses_of_the_motor(motor: dict[str, Any]) -> None:
     """Fifteen of 31 sets are testable; {R, C} and {L, J} have two solutions each (table 6.5, erratum E9)."""
     sets = {frozenset(item["parameters"]): item for item in motor["hypotheses"]}

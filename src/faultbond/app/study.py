@@ -88,13 +88,13 @@ def sections(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> Ite
     if recorded is not None:
         yield "the recording", lambda: _on_data(study, recorded)
     yield "structure", lambda: _structure(study)
-    yield "routes", lambda: _routes(study, wishes)
     yield "other solutions", lambda: _solutions(study, wishes, view, recorded)
     if study.graph.grid is not TimeGrid.NONE:
         yield "smallest faults", lambda: _smallest(study, wishes, view)
     yield "further sensors", lambda: _sensors(study)
     if study.graph.inputs and study.graph.grid is not TimeGrid.NONE:
         yield "test inputs", lambda: _inputs(study, wishes, recorded)
+    yield "routes", lambda: _routes(study, wishes)  # the longest, by far: it would stand before what is asked first
 
 
 def _study(graph: BondGraph, network: ComponentNetwork, wishes: Wishes) -> _Study:

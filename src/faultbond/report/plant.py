@@ -6,6 +6,7 @@ from faultbond.contract.json_records import Record
 from faultbond.equations.component_network import ComponentNetwork
 from faultbond.model.graph import BondGraph
 from faultbond.report.console import headline, lines
+from faultbond.report.reservations import known_alarms
 
 
 def print_plant(console: Console, graph: BondGraph, network: ComponentNetwork) -> None:
@@ -18,6 +19,7 @@ def print_plant(console: Console, graph: BondGraph, network: ComponentNetwork) -
             ("sensors", ", ".join(network.outputs)),
             ("states", ", ".join(state.signal for state in network.states) or "none"),
             ("suspects", ", ".join(network.suspects) or "none: no parameter may change"),
+            *([("known", f"{known_alarms(graph)}, so `run` claims no fault by it")] if graph.false_alarms else []),
         ],
     )
 
@@ -33,6 +35,7 @@ def plant_record(graph: BondGraph, network: ComponentNetwork) -> Record:
         "sensors": list(network.outputs),
         "suspects": list(network.suspects),
         "max_faults": graph.max_faults,
+        "false_alarms": graph.false_alarms,
         "hypotheses": [],
         "groups": [],
         "near_groups": [],
