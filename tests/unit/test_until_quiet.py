@@ -195,7 +195,7 @@ def test_where_a_parameter_seems_to_change_is_told_before_the_search(model: Path
     (told,) = heard
     assert told.startswith(("R seems to change about ", "L seems to change about "))
     assert float(told.split(" about ")[1].split(" s")[0]) == pytest.approx(half * STEP, abs=1.0)
-    assert "If the plant was not healthy then, stop here (Ctrl-C)" in told
+    assert "lacks something there, which is looked for. If the plant was not healthy then, stop here (Ctrl-C)" in told
 
 
 @pytest.mark.usefixtures("no_sizes")
@@ -352,8 +352,8 @@ def test_a_row_that_holds_what_acted_until_then_shows(tmp_path: Path) -> None:
     assert [(item["sensor"], item["of"]) for item in found["early"]] == [("i", "V")]
     assert found["late"] == []
     assert (
-        "i moves in the very row in which V does: does a row hold what acted until then? State `hold: next` of V"
-        in said
+        "i moves in the very row in which V does: does a row hold what acted until then (`hold: next` of V), or is it "
+        "read a moment later?" in said
     )
     stated = truth.replace("V: {unit: V}", "V: {unit: V, hold: next}")
     assert hints(tmp_path, stated, tmp_path / "b.csv")[0]["early"] == []

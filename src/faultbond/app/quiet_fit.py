@@ -140,7 +140,8 @@ def _steps(
     for told in not_shown(now.fitted):
         warn(f"{told}. If you know one, stop here (Ctrl-C) and begin again: the search leaves that as it is")
     for told in unsteady(now.fitted):
-        warn(f"{told}. If the plant was not healthy then, stop here (Ctrl-C) and leave that out")
+        most = "most likely the model lacks something there, which is looked for"
+        warn(f"{told}: {most}. If the plant was not healthy then, stop here (Ctrl-C) and leave that out")
     if told := forecast(monotonic() - started):
         warn(told)
     tell("putting the first model on trial")

@@ -148,8 +148,8 @@ def _hints(graph: BondGraph, found: Health) -> Iterator[str]:
             yield f"{item.sensor} follows changes of {item.of} later than the model says{by}: {ways}?"
     for early in found.early:
         if early.sensor not in found.mirrored:
-            asked = f"does a row hold what acted until then? State `hold: next` of {early.of}"
-            yield f"{early.sensor} moves in the very row in which {early.of} does: {asked}"
+            ways = f"a row hold what acted until then (`hold: next` of {early.of}), or is it read a moment later?"
+            yield f"{early.sensor} moves in the very row in which {early.of} does: does {ways}"
     if found.walk > MUCH:
         far = f"{100 * found.walk:.0f} % of the way to an alarm"
         asked = "is it a constant?"
