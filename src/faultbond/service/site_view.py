@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from faultbond.equations.causality import assign_causality
-from faultbond.report.drawing import draw
 from faultbond.service.asset import RECENT, Asset
 from faultbond.service.asset_status import AssetStatus, asset_status
 from faultbond.service.contract.face import Shown
@@ -70,9 +69,9 @@ class SiteView:
         self._log, self._store, self._lock, self._clock, self._steady = log, store, lock, clock, steady
         self._parts = parts
         self._seen = {item.name: _Seen(since=clock()) for item in site.assets}
-        self._drawings = {
-            item.name: draw(item.plant.graph, dict(assign_causality(item.plant.graph).strokes)) for item in site.assets
-        }
+        self._graphs = {item.name: item.plant.graph for item in site.assets}
+        self._drawings: dict[str, str] = {}  # by model
+        self._drawing = threading.Lock()
         self._pictures = {item.name: item.picture for item in site.assets}
         self._notes: deque[str] = deque(maxlen=NOTES)
         self.is_stopped = False
@@ -123,6 +122,7 @@ class SiteView:
 
     def asset(self, name: str) -> Shown:
         """Give an asset."""
+        self._drawn(name)  # it may take a second: not while others wait for the lock
         with self._lock:
             return self._asset(self._log.assets[name])
 
@@ -157,6 +157,8 @@ class SiteView:
         """Give the messages that follow from what was done."""
         news: list[tuple[str, Shown]] = []
         changed = {what.asset for what in done if what.outcome.records or what.deed}
+        for name in changed:
+            self._drawn(name)
         with self._lock:
             assets = self._log.assets
             for what in done:
@@ -192,9 +194,22 @@ class SiteView:
 
     def _asset(self, asset: Asset) -> Shown:
         journal = [*self._store.journal(asset.name, kinds=EVENTS, newest=JOURNAL)]
-        stands, counts, drawing = self._stands(asset), self._seen[asset.name].counts, self._drawings[asset.name]
+        stands, counts, drawing = self._stands(asset), self._seen[asset.name].counts, self._drawn(asset.name)
         summary, now = self._summary(asset, stands), self._clock()
         shown = asset_of(asset, summary, drawing, journal, counts, absence=stands.absence, now=now)
         picture = self._pictures[asset.name]
         more = {"picture": "" if picture is None else picture.tag, "notes": [*self._notes, *shown["notes"]]}
         return shown | more
+
+    def _drawn(self, name: str) -> str:
+        """Give the drawing of an asset's bond graph, one for each model, made when it is first looked at.
+
+        A start with hundreds of assets does not wait for it, nor for what it loads.
+        """
+        graph = self._graphs[name]
+        with self._drawing:
+            if graph.sha256 not in self._drawings:
+                from faultbond.report.drawing import draw  # noqa: PLC0415 - loads scipy
+
+                self._drawings[graph.sha256] = draw(graph, dict(assign_causality(graph).strokes))
+            return self._drawings[graph.sha256]

@@ -1,6 +1,8 @@
 """The service at work: sources that fail and come back, a store that does, people, and who listens."""
 
 import asyncio
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import AsyncGenerator, Iterator, Mapping, Sequence
@@ -12,6 +14,8 @@ import pytest
 from desk_bench import parts
 from faultbond.errors import FaultbondError, StoreError
 from faultbond.io.row_block import RowBlock
+from faultbond.model.graph import BondGraph
+from faultbond.report import drawing
 from faultbond.service.asset import Asset
 from faultbond.service.contract.face import Request
 from faultbond.service.contract.messages import Action, Arrivals, AuditEntry, Deed, NamedRecord
@@ -49,6 +53,28 @@ class FailingStore(MemoryStore):
             self.failures -= 1
             raise StoreError("kept.sqlite: the disk is full.")
         super().commit(parts)
+
+
+def test_a_plant_is_drawn_once_and_when_it_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A start with many assets waits for no drawing, nor for the libraries that draw."""
+    drawn, draw = list[str](), drawing.draw
+
+    def noted(graph: BondGraph, strokes: Mapping[int, str] | None = None) -> str:
+        drawn.append(graph.name)
+        return draw(graph, strokes)
+
+    monkeypatch.setattr(drawing, "draw", noted)
+
+    async def course(played: Played) -> None:
+        await played.until(lambda: played.passed(100))
+        before = len(drawn)
+        shown = [played.service.asset(name)["drawing"] for name in ("loop", "other", "loop")]  # of one model
+        assert (before, len(drawn), len(set(shown))) == (0, 1, 1)
+        assert "<svg" in shown[0]
+
+    play(Played(assets=("loop", "other")), course)
+    code = "import sys, faultbond.service.program; print([name for name in ('scipy', 'casadi') if name in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
 def test_an_alarm_is_shown_acknowledged_and_accepted() -> None:
