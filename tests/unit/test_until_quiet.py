@@ -1138,6 +1138,10 @@ def test_how_long_a_search_may_take_is_told_of_long_ones() -> None:
         "the first fit took 15 s; the search for what is missing usually takes 75 s to 5 min"
     )
     assert "took 12 min; the search for what is missing usually takes 60 min to 4 h from here" in forecast(720.0)
+    assert "with `--within '10 min'` no round begins after that" in forecast(720.0)
+    assert forecast(14.9, 480.0) == ""
+    assert "after 8 min no round begins, and the one at work then, and making" in forecast(60.0, 480.0)
+    assert "--within" not in forecast(60.0, 480.0)
 
 
 def test_what_a_stopped_search_has_moved_far_may_go_back() -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Generator, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from math import inf
+from math import inf, isfinite
 from time import monotonic
 
 from faultbond.app.attempt import (
@@ -142,7 +142,7 @@ def _steps(
     for told in unsteady(now.fitted):
         most = "most likely the model lacks something there, which is looked for"
         warn(f"{told}: {most}. If the plant was not healthy then, stop here (Ctrl-C) and leave that out")
-    if told := forecast(monotonic() - started):
+    if told := forecast(monotonic() - started, wishes.within):
         warn(told)
     tell("putting the first model on trial")
     now = replace(now, before=on_trial(core, (*records, *records_held), promise, factors=()))
@@ -166,17 +166,22 @@ def _steps(
     yield _known(replace(now, smallest_before=before, smallest_after=after))
 
 
-def forecast(first: float) -> str:
-    """Say how long a search may take, by the seconds of its first fit; nothing of a short one."""
+def forecast(first: float, within: float = inf) -> str:
+    """Say how long a search may take, by the seconds of its first fit, and what ends it; nothing of a short one."""
     least, most = (times * first for times in SEARCH)
     if most < LONG:
         return ""
     took, *about = (duration_text(seconds, digits=2) for seconds in (first, least, most))
-    return (
+    told = (
         f"the first fit took {took}; the search for what is missing usually takes {' to '.join(about)} from here. "
         "Fewer or shorter recordings and a longer `sample_time` make it shorter; Ctrl-C ends it with what was found; "
-        "with `--within '10 min'` no round begins after that, and what was found is made quiet"
     )
+    if isfinite(within):
+        return (
+            f"{told}after {duration_text(within, digits=2)} no round begins, and the one at work then, and making "
+            "what was found quiet, may take as long again"
+        )
+    return f"{told}with `--within '10 min'` no round begins after that, and what was found is made quiet"
 
 
 def _tried(now: Quieted, attempt: Attempt, raised: tuple[Resized, ...] = ()) -> Quieted:
