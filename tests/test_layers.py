@@ -65,6 +65,7 @@ LATE_IMPORTS = (
     ("service", "pyarrow"),
     ("service", "uvicorn"),
     ("service", "faultbond.service.web"),  # loads fastapi
+    ("service", "faultbond.report.drawing"),  # loads scipy
     ("cli", "faultbond.model.quantities"),
 )
 MAX_MODULE_LINES = 600

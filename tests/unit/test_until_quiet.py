@@ -1219,6 +1219,22 @@ def test_a_search_that_is_stopped_says_on_which_recordings_its_model_alarms(
     assert "nobody knows yet how quiet" in " ".join(capsys.readouterr().out.split())
 
 
+def test_a_fit_that_is_stopped_says_so_too(
+    lagging: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever it was at after its first climb: else nobody knows, and `run` claims faults of healthy plants by it."""
+
+    def stop(*_: object) -> None:
+        raise Stopped(2)
+
+    monkeypatch.setattr(import_module("faultbond.fit.healthy_changes"), "healthy_changes", stop)
+    plain = [word for word in lagging if word != "--until-quiet"]
+    assert main(plain) == 128 + 2
+    assert load_model(tmp_path / "quiet.yaml").false_alarms == 2
+    said = " ".join(capsys.readouterr().out.split())
+    assert "It alarms on 2 of 2 healthy recordings" in said
+
+
 @pytest.mark.parametrize("error", [RuntimeError("lost"), FaultbondError("no room")])
 def test_what_was_found_is_written_when_the_search_fails(
     error: Exception, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -1393,7 +1409,15 @@ def test_a_signal_once_all_is_fitted_keeps_it(
 ) -> None:
     """What is asked of a fit beyond its values takes minutes, too; who stops it then has the values."""
     found_in = import_module(module)  # by its name, since `fit` is a function in the package
-    monkeypatch.setattr(found_in, what, lambda *_: os.kill(os.getpid(), signal.SIGTERM))
+    known, calls = getattr(found_in, what), list[str]()
+
+    def stopped_once(*given: Any) -> Any:
+        calls.append(what)
+        if len(calls) == 1:
+            os.kill(os.getpid(), signal.SIGTERM)
+        return known(*given)
+
+    monkeypatch.setattr(found_in, what, stopped_once)
     made = [write(tmp_path / f"{seed}.csv", seed=seed) for seed in (1, 2)]
     output = tmp_path / "found.yaml"
     assert main(["fit", *map(str, (model, *made)), "--starts", "1", "-o", str(output)]) == 128 + signal.SIGTERM

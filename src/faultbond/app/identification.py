@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
@@ -22,7 +22,7 @@ from faultbond.app.stated_starts import contradictions, start_sentence
 from faultbond.app.wishes import FitWishes
 from faultbond.contract.samples import Sample
 from faultbond.contract.silence import INPUT, SENSOR, seconds
-from faultbond.errors import ModelError, RecordingError
+from faultbond.errors import FaultbondError, ModelError, RecordingError
 from faultbond.io.files import replaced_text
 from faultbond.io.grid import Grid, on_grid
 from faultbond.io.memory_table import Recording
@@ -35,6 +35,8 @@ from faultbond.types import STEP, TimeGrid
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from faultbond.report.fit_result import Fitted
 
 _SILENT = 60.0  # s without a word, where standard error is no terminal
 _AGAIN = 60.0  # s after which a step is told there
@@ -176,6 +178,11 @@ def identified(
                 failed=quieted.failed,
             )
         fitted, ended = last_of(_stages(text, graph, read, wishes, tell))
+        if (
+            ended is not None and fitted.alarms is None
+        ):  # `run` is not to claim faults by a model that is known to alarm
+            with suppress(FaultbondError):  # what ended it may be that nothing can be compiled any more
+                fitted = _asked(fitted, text, read, tell)
     return Identified(
         graph=graph,
         fitted=fitted,
@@ -194,7 +201,6 @@ def _stages(
     tell: Callable[[str], None],
 ) -> Iterator[Any]:
     """Fit a model as it stands, a text; give what is found after each stage, so that who stops one has the others."""
-    from faultbond.app.quiet_fit import alarms_with  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.fit.healthy_changes import healthy_changes  # noqa: PLC0415 - loads scipy
     from faultbond.fit.identification import Halted, Prior, fit_plant  # noqa: PLC0415 - loads casadi and scipy
     from faultbond.fit.session import build_fit, free_parameters  # noqa: PLC0415 - loads casadi
@@ -222,8 +228,17 @@ def _stages(
     tell("asking how far parameters seem to move while healthy")
     fitted = replace(fitted, healthy_changes=healthy_changes(core, found.records, fitted.believed))
     yield fitted
+    yield _asked(fitted, text, read, tell)
+
+
+def _asked(
+    fitted: "Fitted", text: str, read: tuple[tuple[str, list[Sample]], ...], tell: Callable[[str], None]
+) -> "Fitted":
+    """Give a fitted model, a text before, with the recordings on which it alarms."""
+    from faultbond.app.quiet_fit import alarms_with  # noqa: PLC0415 - loads casadi and scipy
+
     tell("asking whether it alarms on the recordings")
-    yield replace(fitted, alarms=alarms_with(fitted.model_text(text), graph.file, read))
+    return replace(fitted, alarms=alarms_with(fitted.model_text(text), fitted.graph.file, read))
 
 
 def _quieted(
