@@ -178,9 +178,7 @@ def identified(
                 failed=quieted.failed,
             )
         fitted, ended = last_of(_stages(text, graph, read, wishes, tell))
-        if (
-            ended is not None and fitted.alarms is None
-        ):  # `run` is not to claim faults by a model that is known to alarm
+        if ended is not None and fitted.alarms is None:  # by a model that is known to alarm `run` is to claim nothing
             with suppress(FaultbondError):  # what ended it may be that nothing can be compiled any more
                 fitted = _asked(fitted, text, read, tell)
     return Identified(
