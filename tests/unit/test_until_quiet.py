@@ -1116,6 +1116,28 @@ def test_no_round_begins_when_the_time_is_up(
     assert bool(found["raised"] or found["lasting"]) is is_up
 
 
+@pytest.mark.usefixtures("no_sizes")
+def test_a_round_is_left_when_the_time_is_up(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At the next step of it; what a round before it had found stays, and is made quiet."""
+    made = [write(tmp_path / f"{seed}.csv", seed=seed, lag=0.1) for seed in (1, 2)]
+    rounds, profile = list[int](), Search.profile
+
+    def asked(search: Search, stand: Any) -> Any:
+        rounds.append(len(stand.added))
+        return profile(search, stand)
+
+    monkeypatch.setattr(Search, "profile", asked)
+    monkeypatch.setattr(quiet_fit, "monotonic", lambda: 1e9 if rounds else 0.0)
+    found = records(tmp_path, model, *made, "--within", "1 h", "-o", tmp_path / "new.yaml")["quiet"]
+    said = capsys.readouterr().err
+    assert "looking for what is missing, round 1 of" in said
+    assert "what was under way is left: the time is up" in said
+    assert rounds == [0]
+    assert (found["rounds"], found["added"], found["stopped"], found["quiet"]) == (0, [], False, True)
+
+
 def test_a_time_without_a_search_is_refused(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It bounds what is asked for by another option."""
     assert main(["fit", str(model), str(write(tmp_path / "a.csv", seed=1)), "--within", "10 min"]) == 2
@@ -1138,9 +1160,9 @@ def test_how_long_a_search_may_take_is_told_of_long_ones() -> None:
         "the first fit took 15 s; the search for what is missing usually takes 75 s to 5 min"
     )
     assert "took 12 min; the search for what is missing usually takes 60 min to 4 h from here" in forecast(720.0)
-    assert "with `--within '10 min'` no round begins after that" in forecast(720.0)
+    assert "with `--within '10 min'` the search ends then, and" in forecast(720.0)
     assert forecast(14.9, 480.0) == ""
-    assert "after 8 min no round begins, and the one at work then, and making" in forecast(60.0, 480.0)
+    assert "after 8 min it ends by itself, and what was found is made quiet" in forecast(60.0, 480.0)
     assert "--within" not in forecast(60.0, 480.0)
 
 

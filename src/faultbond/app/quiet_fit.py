@@ -146,11 +146,11 @@ def _steps(
         warn(told)
     tell("putting the first model on trial")
     now = replace(now, before=on_trial(core, (*records, *records_held), promise, factors=()))
+    bound = _Bound(tell, started + wishes.within)
     search = Search(
-        graph, begun_likelihood, tell, parameters, wishes.own, (found.records, records_held), (begin, begin_held)
+        graph, begun_likelihood, bound, parameters, wishes.own, (found.records, records_held), (begin, begin_held)
     )
-    ends = started + wishes.within
-    attempt, now = yield from _searched(search, search.first(found), now, text, graph, read, wishes, ends, tell)
+    attempt, now = yield from _searched(search, search.first(found), now, text, graph, read, wishes, bound)
     now = replace(now, left=tuple(item for item in search.asked if item[1] > 0.0))
     raised: tuple[Resized, ...] = ()
     if not attempt.quiet:
@@ -178,10 +178,10 @@ def forecast(first: float, within: float = inf) -> str:
     )
     if isfinite(within):
         return (
-            f"{told}after {duration_text(within, digits=2)} no round begins, and the one at work then, and making "
-            "what was found quiet, may take as long again"
+            f"{told}after {duration_text(within, digits=2)} it ends by itself, and what was found is made quiet, which "
+            "may take as long again"
         )
-    return f"{told}with `--within '10 min'` no round begins after that, and what was found is made quiet"
+    return f"{told}with `--within '10 min'` the search ends then, and what was found is made quiet"
 
 
 def _tried(now: Quieted, attempt: Attempt, raised: tuple[Resized, ...] = ()) -> Quieted:
@@ -210,6 +210,44 @@ def promising(text: str, graph: BondGraph) -> tuple[str, BondGraph]:
     return text, parse_model(text, file=graph.file)
 
 
+class _OutOfTimeError(Exception):
+    """There is no more time for a search."""
+
+
+class _Bound:
+    """Tells what is done; a step of a search does not begin once its time is up.
+
+    Parameters
+    ----------
+    tell : is told
+    ends : time of the clock at which it is
+    """
+
+    def __init__(self, tell: Tell, ends: float) -> None:
+        self._tell, self._ends, self._is_bound = tell, ends, False
+
+    def __call__(self, text: str) -> None:
+        if self._is_bound and self.is_up:
+            raise _OutOfTimeError
+        self._tell(text)
+
+    @property
+    def is_up(self) -> bool:
+        """Whether the time is up."""
+        return monotonic() >= self._ends
+
+    def in_time(self, step: Callable[[], Footing | None]) -> Footing | None:
+        """Give where a step of a search leads; None where the time is up before its end."""
+        self._is_bound = True
+        try:
+            return step()
+        except _OutOfTimeError:
+            self._tell("what was under way is left: the time is up")
+            return None
+        finally:
+            self._is_bound = False
+
+
 def _searched(
     search: Search,
     stand: Footing,
@@ -218,21 +256,20 @@ def _searched(
     graph: BondGraph,
     read: Recordings,
     wishes: FitWishes,
-    ends: float,
-    tell: Tell,
+    tell: _Bound,
 ) -> Generator[ByThen, None, tuple[Attempt, Quieted]]:
     """Add one thing after the other until it is quiet, or nothing gains; return the model on trial, and what is found.
 
-    Yields what is found after each step. ends: time of the clock after which no further round begins.
+    Yields what is found after each step. tell: knows when the time for that is up.
     """
     tried: Attempt | None = None
     prior = Prior(wishes.prior)
     may_stray = (item.name for item in graph.parameters) if prior is Prior.NONE else ()
     asked = dict.fromkeys(may_stray, inf)
     for rounds in range(ROUNDS + 1):
-        better, may_go_on = None, rounds < ROUNDS and monotonic() < ends
+        better, may_go_on = None, rounds < ROUNDS and not tell.is_up
         if _seems_quiet(stand, read, tell):
-            better = _cured(search, stand, asked, again=True).kept if may_go_on else None
+            better = tell.in_time(partial(_cured_again, search, stand, asked)) if may_go_on else None
             if better is None:
                 tried, now = yield from _attempt(stand, now, text, graph, read, wishes, search.believed, tell)
                 if tried.quiet:
@@ -241,7 +278,7 @@ def _searched(
             tell("no further round begins: the time is up")
         if better is None and may_go_on:
             tell(f"looking for what is missing, round {rounds + 1} of at most {ROUNDS}")
-            better = _next(search, stand, asked)
+            better = tell.in_time(partial(_next, search, stand, asked))
         if better is None:
             break
         tell(f"added: {_added_words(stand, better)}")
@@ -298,8 +335,13 @@ def _next(search: Search, stand: Footing, asked: dict[str, float]) -> Footing | 
         or centred(search, stand)
         or cure.let_go
         or better(search, stand)
-        or _cured(search, stand, asked, again=True).kept
+        or _cured_again(search, stand, asked)
     )
+
+
+def _cured_again(search: Search, stand: Footing, asked: dict[str, float]) -> Footing | None:
+    """Give where what explains why parameters stray leads that were asked before something was added."""
+    return _cured(search, stand, asked, again=True).kept
 
 
 def _cured(search: Search, stand: Footing, asked: dict[str, float], *, again: bool = False) -> Cure:

@@ -219,7 +219,7 @@ def _add_fit(verbs: Subparsers) -> None:
         action="store_true",
         help="add what the recordings call for, slow errors, lags, noise, until they are as quiet as promised",
     )
-    add("--within", metavar="TIME", type=time_span, help="begin no further round of --until-quiet after this: '10 min'")
+    add("--within", metavar="TIME", type=time_span, help="end the search of --until-quiet after this: '10 min'")
     add("--fixed", metavar="NAMES", type=name_list, default=(), help="parameters that are known: G,K_meter")
     add("--free", metavar="NAMES", type=name_list, help="the only parameters to find (default: all)")
     add(

@@ -421,7 +421,8 @@ def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest
     search = SimpleNamespace(lasting=lambda stand: stand, at_rest=at_rest, believed=frozenset())
     now = Quieted(fitted=cast(Any, None), text="", held=(), stated=True, promise=1.0)
     wishes = SimpleNamespace(prior="declared")
-    for _ in quiet_fit._searched(cast(Any, search), stand, now, "", graph, (), cast(Any, wishes), inf, lambda _: None):
+    bound = quiet_fit._Bound(lambda _: None, inf)
+    for _ in quiet_fit._searched(cast(Any, search), stand, now, "", graph, (), cast(Any, wishes), bound):
         pass
     assert on_trial == rested == [more]
 
