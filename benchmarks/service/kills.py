@@ -19,6 +19,7 @@ from faultbond.service.store.opening import open_store
 KILLS = 100
 PACE = 50.0  # rows of the tank in a second
 SPAN = 3.0  # s that the service lives at most after it answers
+LAST = 2.0  # s in which the last rows are surely taken
 SEED = 7
 CONFLICT, UNAVAILABLE = 409, 503  # statuses of HTTP
 
@@ -85,6 +86,12 @@ class People:
             k += 1
 
 
+def _take_all(service: Served, written: int) -> None:
+    """Wait until a service has taken all rows; the last few are no samples yet, so it gets a while for them."""
+    service.until(lambda told: told["assets"][0]["samples"] >= written - 5)
+    time.sleep(LAST)
+
+
 def _length(item: RowBlock | Deed) -> int:
     return len(item.time) if isinstance(item, RowBlock) else 0
 
@@ -103,10 +110,10 @@ def rows(kills: int = KILLS) -> list[Row]:
                     time.sleep(rng.uniform(0.0, SPAN))
                     service.kill()
                     took.append(service.start())
-            service.until(lambda told: told["assets"][0]["samples"] >= growing.written - 5)
+            _take_all(service, growing.written)
             acknowledged = list(people.entries)
         with Served(folder, *words[:2], "whole.sqlite", *words[3:]) as other:
-            other.until(lambda told: told["assets"][0]["samples"] >= growing.written - 5)
+            _take_all(other, growing.written)
         kept, whole = (open_store(folder / name, writes=False) for name in ("kept.sqlite", "whole.sqlite"))
         known = {deed.number: deed.comment for deed in kept.deeds()}
         lost = sum(known.get(entry["number"]) != entry["comment"] for entry in acknowledged)
