@@ -88,13 +88,15 @@ def test_what_counts_as_healthy_and_is_elsewhere_is_no_healthy_plant(
     assert elsewhere(OTHER, off, false_alarms) == before  # some set has it, and says so itself
 
 
-def strained(moved: float, since: float, *, component: str = "two") -> tuple[float, float, list[int]]:
+def strained(
+    moved: float, since: float, *, component: str = "two", healthy_change: float = 0.0
+) -> tuple[float, float, list[int]]:
     """Give the probabilities that the model is off, and of the load that explains the data, and what it strains.
 
     The parameter SUSPECT, of a component, is so many accuracies from where it is declared, and from where it was.
     """
     parameters = list(SPEC.parameters)
-    parameters[SUSPECT] = replace(parameters[SUSPECT], component=component)
+    parameters[SUSPECT] = replace(parameters[SUSPECT], component=component, healthy_change=healthy_change)
     state = Diagnosed(replace(SPEC, parameters=tuple(parameters)))
     state.far_off()
     state.only(LOAD_LANE)
@@ -123,6 +125,13 @@ def test_what_was_far_at_the_alarm_or_is_of_the_part_at_fault_strains_nothing() 
     assert strained(9.0, 1.0)[2] == []
     assert strained(9.0, 9.0, component="load")[2] == []
     assert strained(9.0, 9.0)[2] == [SUSPECT]
+
+
+def test_what_may_change_while_healthy_strains_nothing_by_as_much() -> None:
+    """Four such changes, where these are larger than the accuracy."""
+    usual = SPEC.parameters[SUSPECT].accuracy
+    assert strained(9.0, 9.0, healthy_change=3.0 * usual)[2] == []
+    assert strained(13.0, 13.0, healthy_change=3.0 * usual)[2] == [SUSPECT]
 
 
 def test_what_may_be_at_fault_and_walks_is_asked_as_before() -> None:

@@ -150,6 +150,25 @@ def test_a_model_that_may_be_off_is_told_as_by_run(
     page.close()
 
 
+def test_what_is_not_claimed_is_told_as_by_run(browser: Any, tmp_path: Path) -> None:
+    """Of two faults, one after the other, of which the second explains the data only with the first beside it."""
+    example, recording, report, file = TANK.parent / "rc", *(tmp_path / name for name in ("r.csv", "r.html", "p.html"))
+    model, faults = str(example / "model.yaml"), ("--fault", "R=x1.06@10", "--fault", "C=x0.6@32")
+    told = ["--inputs", str(example / "healthy.csv"), *faults, "--seed", "5", "-o", str(recording)]
+    assert main(["simulate", model, *told]) == 0
+    assert main(["run", model, str(recording), "--report", str(report)]) == 1
+    assert main(["generate", model, "--web", "--recording", str(recording), "-o", str(file)]) == 0
+    page = browser.new_page()
+    page.goto(file.as_uri())
+    play(page, recording)
+    headline = re.search("<h1>(.*?)</h1>", report.read_text(encoding="utf-8"))
+    assert headline is not None
+    assert "What comes nearest explains the data only with C far from where it was" in unescape(headline[1])
+    said = [page.inner_text(place) for place in ("#headline", "#beside") if page.is_visible(place)]
+    assert " ".join(said).split() == unescape(headline[1]).split()
+    page.close()
+
+
 def test_what_is_suspected_is_coloured(page: Any, recordings: dict[str, Path]) -> None:
     """The part that is most likely at fault is first in the ranking, and coloured in the drawing."""
     play(page, recordings["faulty"])

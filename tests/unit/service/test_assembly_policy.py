@@ -54,6 +54,15 @@ def test_a_complete_row_waits_for_the_one_before_it() -> None:
     assert repr(plain(assembly.ready(2.1))) == "[(0.0, (nan, 1.0))]"
 
 
+def test_a_row_came_when_its_last_value_did() -> None:
+    """Not when the first did, nor when it went out; one without a time comes by itself."""
+    assembly = Assembly(2, patience=1.0)
+    assembly.add(0, 1.0, 5.0, 0.2)
+    assembly.add(1, 2.0, 5.0, 0.7)
+    assembly.add(1, 2.0, math.nan, 0.8)
+    assert [row.came for row in assembly.ready(0.9)] == [0.8, 0.7]
+
+
 def test_times_that_are_near_are_one_row() -> None:
     """The exact time goes before the nearest, and a signal is in a row once."""
     assembly = Assembly(2, patience=1.0, together=0.5)
@@ -79,7 +88,7 @@ def test_a_complete_row_settles_until_what_holds_is_known() -> None:
     assert assembly.ready(0.05) == []
     assembly.add(1, 8.0, 5.0, 0.06)
     (found,) = assembly.ready(0.06)
-    assert (found.values, found.came) == ((7.0, 8.0, 1.0), 0.0)
+    assert (found.values, found.came) == ((7.0, 8.0, 1.0), 0.0)  # when the last value came that was awaited
     assembly.add(2, 2.0, 6.0, 1.0)
     assembly.add(1, 9.0, 9.0, 1.0)
     assert assembly.ready(1.09) == []

@@ -23,6 +23,11 @@ AWAY = Unexplained(signal="flow", sd=1.2, since=1.0, until=9.0)
         (FOUND, Ne107.FAILURE, "pipe"),
         (replace(FOUND, mismatch=0.4), Ne107.FAILURE, "pipe"),
         (replace(FOUND, mismatch=0.5), Ne107.OFF_SPEC, "most likely the model is off; else pipe"),
+        (
+            replace(FOUND, mismatch=0.5, strained=("K3", "K6")),
+            Ne107.OFF_SPEC,
+            "K3 and K6 moved far besides, so more may have changed, or the model is off; else pipe",
+        ),
         (replace(FOUND, unexplained=AWAY), Ne107.OFF_SPEC, "no fault of the model explains it; nearest comes pipe"),
         (replace(FOUND, within_accuracy=0.6), Ne107.MAINTENANCE_REQUIRED, "nothing has changed beyond what is known"),
     ],
