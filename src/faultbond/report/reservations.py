@@ -275,9 +275,9 @@ def mismatch_sentence(diagnosis: Diagnosis) -> str:
     off = diagnosis.mismatch
     if not off or diagnosis.unexplained is not None:
         return ""
-    more = "more changed, later, or " if diagnosis.superseded is not None else "more changed, or "
-    what = f"{more if diagnosis.superseded is not None or diagnosis.strained else ''}the model is off"
-    told = f"With {probability_text(off)} % {what}: {EVENLY}"
+    later = diagnosis.superseded is not None
+    more = "more changed, later, or " if later else "more changed, or " if diagnosis.strained else ""
+    told = f"With {probability_text(off)} % {more}the model is off: {EVENLY}"
     if off < 1.0 and len(diagnosis.candidates) > 1:
         right = (diagnosis.candidates[0].probability - even_share(diagnosis)) / (1.0 - off)
         told = f"{told} If it is right after all, the first is at {probability_text(right)} %."
