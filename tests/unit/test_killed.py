@@ -155,9 +155,9 @@ def wait_until_read(path: Path, kind: str) -> None:
 
 
 def test_a_file_that_is_watched_can_be_stopped(
-    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Ctrl-C while a file is read waits until a block of rows has been taken, and ends the run as a stream is ended."""
+    """Ctrl-C while a file is read waits until a block of rows has been taken, and tells what was found by then."""
     taken = course.Course.take
 
     def take(self: course.Course, points: PointBlock) -> None:
@@ -170,6 +170,10 @@ def test_a_file_that_is_watched_can_be_stopped(
     end = records(tmp_path / "x.jsonl")[-1]
     assert end["record"] == "end"
     assert read_saved(tmp_path / "x.state").clock.counts.samples == end["samples"] > 300
+    told = capsys.readouterr()
+    assert f"Samples  {end['samples']}," in told.out
+    assert "Fault detected at " in told.out
+    assert told.err.endswith("faultbond: stopped: the rows that follow were not looked at.\n")
     monkeypatch.undo()
     assert main(command(str(recording), tmp_path)[3:]) == 1
     assert records(tmp_path / "x.jsonl")[-1]["samples"] == ROWS

@@ -97,6 +97,8 @@ def run(
     _refuse_outputs(plant, [recording], state=state, report=report, json=json)
     with _records(json) as out:
         found = watch_any(plant.source, recording_of(recording), wanted=wanted, out=out, curves=True)
+        if found.stopped is not None:
+            raise found.stopped
     result = Result(model=plant, of_run=found)
     if report is not None:
         result.report(report)

@@ -7,6 +7,7 @@ from faultbond.app.plant import find_plant
 from faultbond.app.plant_run import PlantRun, watch_plant
 from faultbond.app.wishes import Wanted
 from faultbond.errors import ModelError
+from faultbond.io.files import STANDARD_INPUT
 from faultbond.io.memory_table import Recording
 from faultbond.io.out import Out
 from faultbond.model.document import ModelDocument, ModelFile, is_circuit
@@ -17,9 +18,19 @@ if TYPE_CHECKING:
 
 
 def run(model: ModelFile, recording: Recording, *, wanted: Wanted, out: Out) -> Verdict:
-    """Watch a recording, tell what was found, and give the verdict."""
+    """Watch a recording, tell what was found, and give the verdict; who stops it is told what was found by then.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Where somebody stopped it, once that is told.
+    """
     found = watch_any(model, recording, wanted=wanted, out=out, curves=wanted.report is not None)
     found.tell(wanted.report, out)
+    if found.stopped is not None:
+        if str(recording) != STANDARD_INPUT:
+            out.warn("stopped: the rows that follow were not looked at.")
+        raise found.stopped
     return found.verdict
 
 

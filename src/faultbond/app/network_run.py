@@ -54,7 +54,7 @@ class NetworkRun:
     """A run on a network without time that is over; there is nothing in it to draw.
 
     diagnosis: the last one, with all smallest diagnoses of all rows since the detection. texts: what the recording has
-    where numbers belong, in words.
+    where numbers belong, in words. stopped: what ended it before the end of its rows.
     """
 
     _about: _Network
@@ -62,6 +62,7 @@ class NetworkRun:
     detection: Detection | None = None
     diagnosis: Diagnosis | None = None
     texts: tuple[str, ...] = ()
+    stopped: KeyboardInterrupt | None = None
 
     @property
     def verdict(self) -> Verdict:
@@ -179,6 +180,7 @@ def _pass(
     )
     detection: Detection | None = None
     diagnosis: Diagnosis | None = None
+    stopped: KeyboardInterrupt | None = None
     try:
         for event in events:
             if isinstance(event, Detection):
@@ -187,11 +189,10 @@ def _pass(
             else:
                 diagnosis = event
                 out.record(diagnosis_record(event))
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as signalled:
         out.settle()
-        out.record(_end_of(ending(), detection))
-        raise
-    run = NetworkRun(_about=about, _end=ending(), detection=detection, diagnosis=diagnosis)
+        stopped = signalled
+    run = NetworkRun(_about=about, _end=ending(), detection=detection, diagnosis=diagnosis, stopped=stopped)
     out.record(run.record)
     return run
 

@@ -36,7 +36,8 @@ class PlantRun:
     """A run on a plant in time that is over.
 
     trace: what it saw, None where nobody asked for it. hints: sentences on what else an alarm may come from. remarks:
-    on what the verdict does not cover. texts: what the recording has where numbers belong, in words.
+    on what the verdict does not cover. texts: what the recording has where numbers belong, in words. stopped: what
+    ended it before the end of its rows.
     """
 
     plant: WatchedPlant
@@ -46,6 +47,7 @@ class PlantRun:
     hints: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     texts: tuple[str, ...] = ()
+    stopped: KeyboardInterrupt | None = None
 
     @property
     def verdict(self) -> Verdict:
@@ -161,13 +163,15 @@ def watch_plant(
         out.record(_run_record(run.watcher.spec, wanted.method, before))
         keeper = Keeper(wanted.state, course, wanted.method, out, records, stamp) if wanted.state else None
         with naming(recording):
-            _pass(course, follow(portions(blocks)), grid, keeper, out, live=live)
+            stopped = _pass(course, follow(portions(blocks)), grid, keeper, out, live=live)
     if not course.counts.samples:
+        if stopped is not None:
+            raise stopped
         passed = course.counts.duplicate and before
         raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording, texts))
     paced = () if live or before is not None else pace_of(grid, run.watcher.spec.sample_time)
-    run = replace(run, texts=(*texts.sentences(), *paced))
-    return run if live or before is not None else _looked_at_again(plant, recording, run)
+    run = replace(run, texts=(*texts.sentences(), *paced), stopped=stopped)
+    return run if live or before is not None or stopped is not None else _looked_at_again(plant, recording, run)
 
 
 def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -> PlantRun:
@@ -296,8 +300,8 @@ def _nothing_new(recording: Recording, before: Saved) -> str:
 
 def _pass(
     course: Course, blocks: Iterable[RowBlock], grid: Grid, keeper: Keeper | None, out: Out, *, live: bool
-) -> None:
-    """Pass all rows through the method and write the records as they come.
+) -> KeyboardInterrupt | None:
+    """Pass all rows through the method and write the records as they come; give what stopped it before their end.
 
     To be stopped is an end like another; so is an error in a stream, which nobody can mend and give again.
     """
@@ -308,12 +312,17 @@ def _pass(
                     _take_kept(course, rows, grid, keeper, out)
                 else:
                     _take(course, grid.push_block(rows), out)
-        except (KeyboardInterrupt, RecordingError) as ended:
-            if isinstance(ended, KeyboardInterrupt) or (live and course.counts.samples):
+            stopped = None
+        except KeyboardInterrupt as signalled:
+            out.settle()
+            stopped = signalled
+        except RecordingError:
+            if live and course.counts.samples:
                 out.settle()
                 _end(course, grid, keeper, out, live=live)
             raise
         _end(course, grid, keeper, out, live=live)
+        return stopped
 
 
 def _end(course: Course, grid: Grid, keeper: Keeper | None, out: Out, *, live: bool) -> None:
