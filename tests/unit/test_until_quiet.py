@@ -7,6 +7,7 @@ import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
+from math import inf
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -17,7 +18,7 @@ import pytest
 import faultbond as fb
 from faultbond.analysis.smallest import SmallestFault
 from faultbond.app import attempt as attempts
-from faultbond.app import identification, quiet_fit, signals
+from faultbond.app import deadline, identification, quiet_fit, signals
 from faultbond.app.attempt import (
     Attempt,
     apart_if_quieter,
@@ -26,6 +27,7 @@ from faultbond.app.attempt import (
     put_on_trial,
     widened,
 )
+from faultbond.app.deadline import Deadline
 from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
 from faultbond.app.quiet_fit import forecast, promising
@@ -1112,6 +1114,7 @@ def test_no_round_begins_when_the_time_is_up(
     assert ("no further round begins: the time is up" in capsys.readouterr().err) is is_up
     assert (found["rounds"] == 0) is is_up
     assert (found["added"] == []) is is_up
+    assert found["out_of_time"] is is_up
     assert (found["stopped"], found["quiet"]) == (False, True)
     assert bool(found["raised"] or found["lasting"]) is is_up
 
@@ -1129,13 +1132,14 @@ def test_a_round_is_left_when_the_time_is_up(
         return profile(search, stand)
 
     monkeypatch.setattr(Search, "profile", asked)
-    monkeypatch.setattr(quiet_fit, "monotonic", lambda: 1e9 if rounds else 0.0)
+    monkeypatch.setattr(deadline, "monotonic", lambda: 1e9 if rounds else 0.0)
     found = records(tmp_path, model, *made, "--within", "1 h", "-o", tmp_path / "new.yaml")["quiet"]
     said = capsys.readouterr().err
     assert "looking for what is missing, round 1 of" in said
     assert "what was under way is left: the time is up" in said
     assert rounds == [0]
     assert (found["rounds"], found["added"], found["stopped"], found["quiet"]) == (0, [], False, True)
+    assert found["out_of_time"]
 
 
 def test_a_time_without_a_search_is_refused(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -1155,15 +1159,13 @@ def test_what_lasts_is_told_in_the_unit_of_its_differences() -> None:
 
 def test_how_long_a_search_may_take_is_told_of_long_ones() -> None:
     """By how long the first fit took, in the units that people take for such times."""
-    assert forecast(14.9) == ""
-    assert forecast(15.0).startswith(
+    assert forecast(14.9, 600.0) == ""
+    assert forecast(15.0, 600.0).startswith(
         "the first fit took 15 s; the search for what is missing usually takes 75 s to 5 min"
     )
-    assert "took 12 min; the search for what is missing usually takes 60 min to 4 h from here" in forecast(720.0)
-    assert "with `--within '10 min'` the search ends then, and" in forecast(720.0)
-    assert forecast(14.9, 480.0) == ""
-    assert "after 8 min it ends by itself, and what was found is made quiet" in forecast(60.0, 480.0)
-    assert "--within" not in forecast(60.0, 480.0)
+    assert "took 12 min; the search for what is missing usually takes 60 min to 4 h from here" in forecast(720.0, 600.0)
+    assert "; 6 min after its begin it ends by itself, and what was found is made quiet" in forecast(60.0, 600.0)
+    assert "by itself" not in forecast(60.0, inf)
 
 
 def test_what_a_stopped_search_has_moved_far_may_go_back() -> None:
@@ -2005,7 +2007,9 @@ sensors: {T: {reads: outside.e, unit: degC, noise: 0.02 K}}
 
     monkeypatch.setattr(quiet_fit, "fit_plant", begun)
     read = [("a", read_points(graph, str(made)))]
-    steps = quiet_fit._attempt(stand, cast(Any, None), text, graph, read, FitWishes(), frozenset(), lambda _: None)
+    steps = quiet_fit._attempt(
+        stand, cast(Any, None), text, graph, read, FitWishes(), frozenset(), Deadline(lambda _: None, inf)
+    )
     with pytest.raises(BegunError):
         next(steps)
     assert starts == pytest.approx([273.15 + 100.0, 273.15 + 40.0], abs=6.0)

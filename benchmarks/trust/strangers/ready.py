@@ -54,7 +54,8 @@ def prepare(rig: Rig, folder: Path) -> Ready:
         any(line["record"] == "detection" for line in records_of(model, paths[seed])) for seed in TRIAL_SEEDS
     )
     options = [word for name in FIXED.get(rig.name, ()) for word in ("--fixed", name)]
-    words = ("fit", str(model), *map(str, paths.values()), "--until-quiet", "-o", str(ready), *options, "--json", "-")
+    longer = ("--until-quiet", "--within", "1 h")  # a slow machine is to find the same models
+    words = ("fit", str(model), *map(str, paths.values()), *longer, "-o", str(ready), *options, "--json", "-")
     records = {item["record"]: item for item in map(json.loads, faultbond(*words).splitlines())}
     told = told_of(records["quiet"])
     kept.write_text(json.dumps({"told": told, "first": alarmed}), encoding="utf-8")

@@ -4,7 +4,6 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from math import inf
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -40,7 +39,7 @@ from faultbond.app.identification import identified, tried
 from faultbond.app.model_check import understood
 from faultbond.app.section import Show
 from faultbond.app.simulation import Simulated, simulated
-from faultbond.app.wishes import FitWishes, Imperfections, Wanted, Wishes
+from faultbond.app.wishes import WITHIN, FitWishes, Imperfections, Wanted, Wishes
 from faultbond.contract.findings import Decision
 from faultbond.errors import FaultbondError
 from faultbond.io.faults import parse_fault
@@ -249,7 +248,7 @@ def fit(
     output: PathLike | None = None,
     report: PathLike | None = None,
     until_quiet: bool = False,
-    within: float = inf,
+    within: QuantityLike = WITHIN,
     fixed: Sequence[str] = (),
     free: Sequence[str] | None = None,
     per_recording: Sequence[str] = (),
@@ -266,7 +265,7 @@ def fit(
     output : model file to write
     report : file for the report, a page of HTML
     until_quiet : add what the recordings call for until they are as quiet as promised
-    within : s after which no further round of that begins
+    within : how long that may take, such as "1 h"
     fixed : parameters that are known
     free : the only parameters to find; None: all
     per_recording : parameters that each recording has for itself
@@ -289,7 +288,7 @@ def fit(
         seed=whole_of(seed, "seed", 0, None),
         own=names_of(per_recording) if per_recording else (),
         until_quiet=truth_of(until_quiet, "until_quiet"),
-        within=within,
+        within=seconds_of(within, "within"),
     )
     given = recordings if isinstance(recordings, list | tuple) else [recordings]
     _refuse_outputs(source, given, output=output, report=report)

@@ -16,6 +16,7 @@ from faultbond.app.attempt import (
     raised_until_quiet,
     smallest_of_each,
 )
+from faultbond.app.deadline import Deadline
 from faultbond.app.engine import build_watcher
 from faultbond.app.likelihood import begun_likelihood, likelihood_engine
 from faultbond.app.signals import Stopped, last_of
@@ -46,8 +47,9 @@ from faultbond.synthesis.engine import build_model
 
 LEAST = 60  # samples of a part of the recordings
 SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a standard error or so
-SEARCH = (5.0, 20.0)  # times as long as the first fit a search takes; measured, see docs/fitting.md
+TAKES = (5.0, 20.0)  # times as long as the first fit a search takes; measured, see docs/fitting.md
 LONG = 300.0  # s; of a search that may take longer it is told how long
+FIRST, SEARCH, FITTED = 0.2, 0.6, 0.7  # parts of its time by which the first fit, the search, and the last fit end
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 
 ByThen = Callable[[], Quieted]  # what was found, worked out where somebody asks for it
@@ -103,6 +105,7 @@ def _steps(
     text: str, graph: BondGraph, read: Recordings, wishes: FitWishes, tell: Tell, warn: Tell
 ) -> Iterator[ByThen]:
     """Give what is found by and by, each time what works out all that there is to tell by then."""
+    deadline = Deadline(tell, wishes.within)
     stated = graph.time_between_false_alarms is not None
     text, graph = promising(text, graph)
     promise = graph.time_between_false_alarms or MONTH
@@ -128,7 +131,7 @@ def _steps(
             prior=Prior(wishes.prior),
             starts=wishes.starts,
             agreeing=AGREEING,
-            finish=Finish(SETTLED, COARSE),
+            finish=Finish(SETTLED, COARSE, partial(deadline.has, FIRST)),
             seed=wishes.seed,
             tell=tell,
         )
@@ -146,11 +149,10 @@ def _steps(
         warn(told)
     tell("putting the first model on trial")
     now = replace(now, before=on_trial(core, (*records, *records_held), promise, factors=()))
-    bound = _Bound(tell, started + wishes.within)
     search = Search(
-        graph, begun_likelihood, bound, parameters, wishes.own, (found.records, records_held), (begin, begin_held)
+        graph, begun_likelihood, deadline, parameters, wishes.own, (found.records, records_held), (begin, begin_held)
     )
-    attempt, now = yield from _searched(search, search.first(found), now, text, graph, read, wishes, bound)
+    attempt, now = yield from _searched(search, search.first(found), now, text, graph, read, wishes, deadline)
     now = replace(now, left=tuple(item for item in search.asked if item[1] > 0.0))
     raised: tuple[Resized, ...] = ()
     if not attempt.quiet:
@@ -158,7 +160,8 @@ def _steps(
         attempt, raised, lasting = raised_until_quiet(attempt, promise, tell)
         now = replace(_tried(now, attempt, raised), lasting=lasting)
         yield _known(now)
-    attempt = lowered_if_quiet(attempt, tell)
+    if deadline.has(1.0):
+        attempt = lowered_if_quiet(attempt, tell)
     now = _tried(now, attempt, raised)
     yield _known(now)
     tell("working out the smallest faults before and after")
@@ -166,22 +169,20 @@ def _steps(
     yield _known(replace(now, smallest_before=before, smallest_after=after))
 
 
-def forecast(first: float, within: float = inf) -> str:
+def forecast(first: float, within: float) -> str:
     """Say how long a search may take, by the seconds of its first fit, and what ends it; nothing of a short one."""
-    least, most = (times * first for times in SEARCH)
+    least, most = (times * first for times in TAKES)
     if most < LONG:
         return ""
     took, *about = (duration_text(seconds, digits=2) for seconds in (first, least, most))
     told = (
         f"the first fit took {took}; the search for what is missing usually takes {' to '.join(about)} from here. "
-        "Fewer or shorter recordings and a longer `sample_time` make it shorter; Ctrl-C ends it with what was found; "
+        "Fewer or shorter recordings and a longer `sample_time` make it shorter; Ctrl-C ends it with what was found"
     )
-    if isfinite(within):
-        return (
-            f"{told}after {duration_text(within, digits=2)} it ends by itself, and what was found is made quiet, which "
-            "may take as long again"
-        )
-    return f"{told}with `--within '10 min'` the search ends then, and what was found is made quiet"
+    if not isfinite(within):
+        return told
+    ends = duration_text(SEARCH * within, digits=2)
+    return f"{told}; {ends} after its begin it ends by itself, and what was found is made quiet (`--within` moves that)"
 
 
 def _tried(now: Quieted, attempt: Attempt, raised: tuple[Resized, ...] = ()) -> Quieted:
@@ -210,44 +211,6 @@ def promising(text: str, graph: BondGraph) -> tuple[str, BondGraph]:
     return text, parse_model(text, file=graph.file)
 
 
-class _OutOfTimeError(Exception):
-    """There is no more time for a search."""
-
-
-class _Bound:
-    """Tells what is done; a step of a search does not begin once its time is up.
-
-    Parameters
-    ----------
-    tell : is told
-    ends : time of the clock at which it is
-    """
-
-    def __init__(self, tell: Tell, ends: float) -> None:
-        self._tell, self._ends, self._is_bound = tell, ends, False
-
-    def __call__(self, text: str) -> None:
-        if self._is_bound and self.is_up:
-            raise _OutOfTimeError
-        self._tell(text)
-
-    @property
-    def is_up(self) -> bool:
-        """Whether the time is up."""
-        return monotonic() >= self._ends
-
-    def in_time(self, step: Callable[[], Footing | None]) -> Footing | None:
-        """Give where a step of a search leads; None where the time is up before its end."""
-        self._is_bound = True
-        try:
-            return step()
-        except _OutOfTimeError:
-            self._tell("what was under way is left: the time is up")
-            return None
-        finally:
-            self._is_bound = False
-
-
 def _searched(
     search: Search,
     stand: Footing,
@@ -256,38 +219,46 @@ def _searched(
     graph: BondGraph,
     read: Recordings,
     wishes: FitWishes,
-    tell: _Bound,
+    deadline: Deadline,
 ) -> Generator[ByThen, None, tuple[Attempt, Quieted]]:
     """Add one thing after the other until it is quiet, or nothing gains; return the model on trial, and what is found.
 
-    Yields what is found after each step. tell: knows when the time for that is up.
+    Yields what is found after each step.
     """
     tried: Attempt | None = None
     prior = Prior(wishes.prior)
     may_stray = (item.name for item in graph.parameters) if prior is Prior.NONE else ()
     asked = dict.fromkeys(may_stray, inf)
     for rounds in range(ROUNDS + 1):
-        better, may_go_on = None, rounds < ROUNDS and not tell.is_up
-        if _seems_quiet(stand, read, tell):
-            better = tell.in_time(partial(_cured_again, search, stand, asked)) if may_go_on else None
+        better, may_go_on = None, rounds < ROUNDS and deadline.has(SEARCH)
+        if _seems_quiet(stand, read, deadline):
+            again = partial(_cured_again, search, stand, asked)
+            better = deadline.in_time(SEARCH, again) if may_go_on else None
             if better is None:
-                tried, now = yield from _attempt(stand, now, text, graph, read, wishes, search.believed, tell)
+                tried, now = yield from _attempt(stand, now, text, graph, read, wishes, search.believed, deadline)
                 if tried.quiet:
                     return tried, now
         if rounds < ROUNDS and not may_go_on:
-            tell("no further round begins: the time is up")
+            deadline("no further round begins: the time is up")
         if better is None and may_go_on:
-            tell(f"looking for what is missing, round {rounds + 1} of at most {ROUNDS}")
-            better = tell.in_time(partial(_next, search, stand, asked))
+            deadline(f"looking for what is missing, round {rounds + 1} of at most {ROUNDS}")
+            better = deadline.in_time(SEARCH, partial(_next, search, stand, asked))
         if better is None:
             break
-        tell(f"added: {_added_words(stand, better)}")
-        stand, tried = search.at_rest(search.lasting(better)), None
+        deadline(f"added: {_added_words(stand, better)}")
+        settled = partial(_settled, search, better)
+        stand, tried = deadline.in_time(SEARCH, settled) or better, None
         now = replace(now, added=stand.added, rounds=rounds + 1)
         yield partial(_as_it_stands, stand, now, text, graph, prior)
+    now = replace(now, out_of_time=rounds < ROUNDS and not deadline.has(SEARCH))
     if tried is not None:
         return tried, now
-    return (yield from _attempt(stand, now, text, graph, read, wishes, search.believed, tell))
+    return (yield from _attempt(stand, now, text, graph, read, wishes, search.believed, deadline))
+
+
+def _settled(search: Search, stand: Footing) -> Footing:
+    """Give where what was added leads once what is of no use is gone, and a climb has come to rest."""
+    return search.at_rest(search.lasting(stand))
 
 
 def _added_words(stand: Footing, better: Footing) -> str:
@@ -373,14 +344,14 @@ def _attempt(
     read: Recordings,
     wishes: FitWishes,
     believed: frozenset[str],
-    tell: Tell,
+    deadline: Deadline,
 ) -> Generator[ByThen, None, tuple[Attempt, Quieted]]:
     """Write what was found into the model, fit that to all recordings, and put it on trial.
 
     believed : parameters whose declared accuracies count, since it was found what made them stray
     """
     what = "fitting all recordings"
-    tell(what)
+    deadline(what)
     with_added = amended_text(text, graph, stand.added)
     first = parse_model(with_added, file=graph.file)
     core, model = build_watcher(first), build_model(first)
@@ -396,18 +367,18 @@ def _attempt(
         prior=Prior(wishes.prior),
         believed=believed,
         starts=1,
-        finish=Finish(SETTLED),
+        finish=Finish(SETTLED, in_time=partial(deadline.has, FITTED)),
         shaken=False,  # the search has climbed there
         seed=wishes.seed,
-        tell=lambda step: tell(f"{what}: {step}"),
+        tell=lambda step: deadline(f"{what}: {step}"),
     )
     fitted = _fitted(first, graph, found, now)
     now = replace(now, fitted=fitted, text=fitted.model_text(with_added), raised=(), lowered=(), health=None, alarms={})
     yield _known(now)
-    tell("asking how far parameters seem to move while healthy")
+    deadline("asking how far parameters seem to move while healthy")
     fitted = replace(fitted, healthy_changes=healthy_changes(core, found.records, fitted.believed))
-    attempt = apart_if_quieter(put_on_trial(fitted.model_text(with_added), fitted, read, tell), with_added, tell)
-    attempt = known_where_it_walks(attempt, with_added, tell)
+    attempt = put_on_trial(fitted.model_text(with_added), fitted, read, deadline)
+    attempt = known_where_it_walks(apart_if_quieter(attempt, with_added, deadline), with_added, deadline)
     now = _tried(now, attempt)
     yield _known(now)
     return attempt, now

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 DEMO = "tank"  # the example that the demo runs
 
+WITHIN = 600.0  # s that a fit until quiet takes, if nobody says
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wishes:
@@ -40,7 +42,7 @@ class FitWishes:
     fixed: parameters that are known. free: the only ones to be found; None: all others. prior: what declared
     accuracies count for, the name of a `Prior`. starts, seed: of the search. own: parameters that each recording has
     for itself, such as the temperature at its start; they are not written. until_quiet: whether what the recordings
-    call for is added to the model. within: s after which no further round of that begins.
+    call for is added to the model. within: s that this may take.
     """
 
     fixed: tuple[str, ...] = ()
@@ -50,7 +52,7 @@ class FitWishes:
     seed: int = 0
     own: tuple[str, ...] = ()
     until_quiet: bool = False
-    within: float = inf
+    within: float = WITHIN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

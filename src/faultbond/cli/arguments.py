@@ -5,12 +5,12 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from difflib import get_close_matches
-from math import inf
 from pathlib import Path
 from typing import Any, Never, TypeAlias
 
 from faultbond import app
 from faultbond.app import FitWishes, Imperfections, Wanted, Wishes
+from faultbond.app.wishes import WITHIN
 from faultbond.cli.completion import SHELLS, script
 from faultbond.cli.history import add_period, show_history
 from faultbond.cli.serve import add_site, start_service
@@ -195,7 +195,7 @@ def _add_fit(verbs: Subparsers) -> None:
             seed=arguments.seed,
             own=arguments.per_recording,
             until_quiet=arguments.until_quiet,
-            within=inf if arguments.within is None else arguments.within,
+            within=WITHIN if arguments.within is None else arguments.within,
         )
         code: int = app.fit(
             arguments.model,
@@ -219,7 +219,8 @@ def _add_fit(verbs: Subparsers) -> None:
         action="store_true",
         help="add what the recordings call for, slow errors, lags, noise, until they are as quiet as promised",
     )
-    add("--within", metavar="TIME", type=time_span, help="end the search of --until-quiet after this: '10 min'")
+    within = f"the time that --until-quiet may take, such as '1 h' (default: {WITHIN / 60.0:.0f} min)"
+    add("--within", metavar="TIME", type=time_span, help=within)
     add("--fixed", metavar="NAMES", type=name_list, default=(), help="parameters that are known: G,K_meter")
     add("--free", metavar="NAMES", type=name_list, help="the only parameters to find (default: all)")
     add(

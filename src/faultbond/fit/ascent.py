@@ -45,10 +45,14 @@ LATELY = 4  # steps, as much as which all that are left are taken to bring at mo
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """When a climb ends: where its next step would bring less than `nats`, or than `part` of what it has gained."""
+    """When a climb ends: where its next step would bring less than `nats`, or than `part` of what it has gained.
+
+    Also where there is no more time for a further step, as `in_time` says.
+    """
 
     nats: float = SETTLED
     part: float = 0.0
+    in_time: Callable[[], bool] = lambda: True
 
     def least(self, gained: float) -> float:
         """Give how many nats are worth a step, where so many were gained."""
@@ -118,7 +122,7 @@ def ascend(
     course = now.course
     rng = np.random.default_rng(len(prior))
     for shake in range(SHAKES):
-        if now.settled or not np.isfinite(now.posterior):
+        if now.settled or not np.isfinite(now.posterior) or not finish.in_time():
             break
         best = now
         for place in range(PLACES):
@@ -142,7 +146,8 @@ def _straight(
     heights = [now.posterior]
     damping, seen, idle, settled = 1e-3, list[tuple[FloatArray, FloatArray]](), 0, 0.0
     for turn in range(most):
-        if not np.isfinite(now.posterior) or idle >= IDLE or _stays_behind(heights, most - turn, rival):
+        behind = _stays_behind(heights, most - turn, rival)
+        if not np.isfinite(now.posterior) or idle >= IDLE or behind or not finish.in_time():
             break
         hill.tell(f"{turn + 1} of at most {most}{begun}, {now.posterior - hill.foot:.0f} nats gained")
         slope, damping, precision = hill.slope(now), min(damping, STIFF), as_bent(now.precision, seen)

@@ -133,7 +133,7 @@ def fit_plant(
     believed : parameters whose accuracies are not widened
     starts : how many starts the search has, the nominal values among them
     agreeing : the search ends where so many of them have ended at the same best values; None: all are tried
-    finish : what a further step of a climb has to bring
+    finish : what a further step of a climb has to bring, and whether there is time for it, or for another start
     shaken : whether it goes on from places around where a climb is stuck
     seed : of the other starts
     tell : takes what is being done
@@ -280,7 +280,7 @@ def _climbs(
             close = max(ALIKE, finish.least(best.gained))
             alike = sum(item.posterior > best.posterior - close for item in summits)
             yield Reached(best, alike, len(summits))
-            if alike >= agreeing:
+            if alike >= agreeing or not finish.in_time():
                 return
     if not np.isfinite(best.posterior):
         raise RecordingError(_without_course(plant, records, begin))

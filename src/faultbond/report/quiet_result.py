@@ -41,6 +41,7 @@ from faultbond.report.suspects import unit_of
 MOST_LEFT = 3  # places that are named as worth a look
 TOLD = 3.0  # nats; what gains less is no place to look at
 DEAF = 0.5  # of a value; a part that has to change by more is hardly watched
+OUT_OF_TIME = "up before the search had come to its end: `fit` this model again, or give it longer by `--within`"
 DEAFER = 2.0  # times what had to change before, where that was as much
 
 
@@ -53,7 +54,8 @@ class Quieted:
     model as given and as it is now, on trial, None where the search was stopped before; alarms : when the monitor
     itself alarms still, by recording; asked : whether that is known of what was not on trial; lasting : slow errors of
     sensors without which more would have been raised; left : what the last round would have added, with what it would
-    gain on the recordings that are fitted; stopped : the signal that ended the search; failed : the error that did
+    gain on the recordings that are fitted; out_of_time : whether the search was to go on, and had no more time; stopped
+    : the signal that ended it; failed : the error that did
     """
 
     fitted: Fitted
@@ -73,6 +75,7 @@ class Quieted:
     left: tuple[tuple[Imperfection, float], ...] = ()
     smallest_before: tuple[SmallestFault, ...] = ()
     smallest_after: tuple[SmallestFault, ...] = ()
+    out_of_time: bool = False
     stopped: int | None = None
     failed: Exception | None = None
 
@@ -240,6 +243,7 @@ def quiet_record(found: Quieted) -> Record:
         "quiet": found.quiet,
         "held_back": list(found.held),
         "rounds": found.rounds,
+        "out_of_time": found.out_of_time,
         "stopped": found.unfinished,
         "added": [
             {
@@ -306,6 +310,8 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
     told += under("lasting", _lasting_words(graph, found.lasting))
     for label, sizes in (("raised", found.raised), ("lowered", found.lowered)):
         told += under(label, [f"{item.what} {item.times:.2g} times as large" for item in sizes])
+    if found.out_of_time:
+        told.append(("time", OUT_OF_TIME))
     if not found.stated:
         promise = f"time_between_false_alarms: {duration_text(found.promise)}; the model stated none"
         told.append(("promise", promise))

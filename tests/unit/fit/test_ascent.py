@@ -149,6 +149,23 @@ def test_a_climb_that_compares_ends_near_its_summit(monkeypatch: pytest.MonkeyPa
             assert below > left / 8.0
 
 
+@pytest.mark.parametrize(("count", "turns"), [(0, 10), (3, 10), (3, None)])
+def test_a_climb_without_time_ends_where_it_is(monkeypatch: pytest.MonkeyPatch, count: int, turns: int | None) -> None:
+    """After as many steps as there was time for, and it looks at no place around."""
+    asked = iter(range(100))
+
+    def steep(_plant: object, _records: object, point: FitPoint) -> Evaluation:
+        x = float(point.values[0])
+        return Evaluation(value=-1e3 * (1.0 - x) ** 2, score=np.full(1, 1e3 * (1.0 - x)), information=np.eye(1) * 1e3)
+
+    monkeypatch.setattr(ascent, "evaluate_likelihood", steep)
+    monkeypatch.setattr(ascent, "as_bent", lambda precision, _: precision * 4.0)
+    plant, begin = one_unknown()
+    finish = Finish(0.0, in_time=lambda: next(asked) < count)
+    summit = ascend(plant, (), begin, np.full(1, 1e9), turns=turns, finish=finish)
+    assert (summit.steps, len(summit.course), summit.settled) == (1 + count, 1 + count, False)
+
+
 @pytest.mark.parametrize(
     ("top", "ahead", "ends_early"), [(990.0, True, False), (1100.0, True, True), (1100.0, False, False)]
 )

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from faultbond.app import quiet_fit
+from faultbond.app.deadline import Deadline
 from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
 from faultbond.app.likelihood import likelihood_engine
@@ -421,7 +422,7 @@ def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest
     search = SimpleNamespace(lasting=lambda stand: stand, at_rest=at_rest, believed=frozenset())
     now = Quieted(fitted=cast(Any, None), text="", held=(), stated=True, promise=1.0)
     wishes = SimpleNamespace(prior="declared")
-    bound = quiet_fit._Bound(lambda _: None, inf)
+    bound = Deadline(lambda _: None, inf)
     for _ in quiet_fit._searched(cast(Any, search), stand, now, "", graph, (), cast(Any, wishes), bound):
         pass
     assert on_trial == rested == [more]
