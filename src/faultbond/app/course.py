@@ -4,6 +4,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from math import nan
+from time import monotonic
 from typing import TypeAlias
 
 import numpy as np
@@ -24,6 +25,7 @@ from faultbond.runtime.trace import Trace
 from faultbond.types import Method, Verdict
 
 Finding: TypeAlias = Detection | Diagnosis | Decision
+PACED = 50  # samples, of fewer nothing is said of how long they take
 TOLD = 5  # of what was accepted in runs before, the last ones are told again
 _ALARMS_ON = np.array([status in (Status.WATCHING, Status.DIAGNOSING) for status in STATUSES])
 _WAITING, _LOST, _OUTSIDE = (STATUSES.index(status) for status in (Status.WAITING, Status.LOST, Status.OUTSIDE))
@@ -66,6 +68,7 @@ class Course:
         self._inputs = Presence([item.name for item in watcher.spec.inputs], INPUT)
         self._sensors = Presence([item.name for item in watcher.spec.outputs], SENSOR)
         self._told, self._lost = -1, 0
+        self._took, self._alarmed = 0.0, 0  # s that samples of an alarm took, and how many these were
         self.sample = before.clock.last_index if before is not None else -1  # grid point that was taken last
         self._time = before.clock.last_time if before is not None else nan
         if self._trace is not None:
@@ -83,8 +86,11 @@ class Course:
             if points.resumes[first]:
                 self._watcher.resume()
             later = resumes[resumes > first]
+            began, is_alarm = monotonic(), self.found.open is not None
             reports = self._watcher.take(samples[first : int(later[0]) if len(later) else len(points)])
             done = first + len(reports)
+            if is_alarm:
+                self._took, self._alarmed = self._took + monotonic() - began, self._alarmed + len(reports)
             self._take(samples[first:done], reports, int(points.index[done - 1]))
             first = done
             if to_alarm and self.found.open is not None:
@@ -185,6 +191,11 @@ class Course:
             return now
         before = self._began.clock.counts
         return Counts(**{name: getattr(now, name) - getattr(before, name) for name in Counts.__slots__})
+
+    @property
+    def pace(self) -> float | None:
+        """How long a sample takes while there is an alarm, s of this machine; None of too few to say."""
+        return self._took / self._alarmed if self._alarmed >= PACED else None
 
     @property
     def wild(self) -> int:

@@ -170,7 +170,8 @@ def watch_plant(
         passed = course.counts.duplicate and before
         raise RecordingError(_nothing_new(recording, passed) if passed else no_time(recording, texts))
     paced = () if live or before is not None else pace_of(grid, run.watcher.spec.sample_time)
-    run = replace(run, texts=(*texts.sentences(), *paced), stopped=stopped)
+    remarks = () if live else _slowness(course.pace, run.watcher.spec.sample_time)
+    run = replace(run, texts=(*texts.sentences(), *paced), remarks=remarks, stopped=stopped)
     return run if live or before is not None or stopped is not None else _looked_at_again(plant, recording, run)
 
 
@@ -199,8 +200,19 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
         first = tuple(map(sample_of, islice((point for block in points() for point in block.points()), SOUGHT)))
         beginning = start_sentence(plant.graph, "The recording", contradictions(plant.graph, watcher.core, first))
         hints, remarks = (active_sentence(plant.graph), beginning, marked, told), (stood, hidden)
-        return replace(run, hints=tuple(filter(None, hints)), remarks=tuple(filter(None, remarks)))
+        return replace(run, hints=tuple(filter(None, hints)), remarks=(*filter(None, remarks), *run.remarks))
     return run
+
+
+def _slowness(pace: float | None, step: float | None) -> tuple[str, ...]:
+    """Say that samples of an alarm take longer, s, than the time between two; nothing where they do not."""
+    if pace is None or step is None or pace <= step:
+        return ()
+    return (
+        f"While there was an alarm a sample took {pace:.2g} s on this machine, and one comes every {step:.3g} s: "
+        "beside the plant it would fall behind. `max_faults: 1`, `suspect: no` of what no fault is sought in, or a "
+        "longer `sample_time` make it faster.",
+    )
 
 
 def _points(blocks: Iterable[RowBlock], grid: Grid) -> Iterator[PointBlock]:
