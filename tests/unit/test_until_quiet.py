@@ -67,7 +67,7 @@ from faultbond.fit.likelihood import layout_of, nominal_q
 from faultbond.fit.objective import FitPoint
 from faultbond.fit.offset import centred, likely_offsets
 from faultbond.fit.outcome import NoiseFound
-from faultbond.fit.quiet_search import FEWEST, FURTHER, WORTH, Search
+from faultbond.fit.quiet_search import FEWEST, FURTHER, WORTH, Search, _next_to, first_of
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.trial import LASTING, ROOM, enough, on_trial, stays_below, strayed_on
 from faultbond.io.recording import write_recording
@@ -773,6 +773,36 @@ def test_what_changes_nothing_gains_nothing(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(quiet_fit, "_next", nothing)
     records(tmp_path, model, *recordings, "-o", tmp_path / "new.yaml")
     assert gains == pytest.approx([0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("most", "lengths"), [(900, [300, 300, 300]), (700, [300, 300, 100]), (620, [300, 300]), (100, [100]), (301, [300])]
+)
+def test_a_part_of_recordings_is_the_first_samples_of_the_first_ones(
+    most: int, lengths: list[int], tmp_path: Path
+) -> None:
+    """The last one is cut, and left out where next to nothing would be left of it."""
+    graph = parse_model(MODEL, file="m.yaml")
+    core, whole = build_watcher(graph), list[HealthyRecording]()
+    for k in range(3):
+        name = str(write(tmp_path / f"{k}.csv", seed=k, rows=300))
+        whole.append(healthy_recording(name, read_points(graph, name), core))
+    found = first_of(whole, most)
+    assert [len(item.time) for item in found] == lengths
+    for part, item in zip(found, whole, strict=False):
+        n = len(part.time)
+        for one, all_of_it in ((part.u, item.u), (part.y, item.y), (part.samples, item.samples), (part.use, item.use)):
+            assert np.array_equal(one, all_of_it[:n], equal_nan=True)
+        assert part.name == item.name
+
+
+@pytest.mark.parametrize(
+    ("found", "tried", "about"),
+    [(0.1, (0.01, 0.1, 1.0), (0.01, 0.1, 1.0)), (1.0, (0.01, 0.1, 1.0), (0.1, 1.0)), (3.0, (3.0,), (3.0,))],
+)
+def test_about_a_size_are_those_next_to_it(found: float, tried: tuple[float, ...], about: tuple[float, ...]) -> None:
+    """At an end there is one."""
+    assert _next_to(found, tried) == about
 
 
 @pytest.mark.usefixtures("no_sizes")
@@ -1746,6 +1776,7 @@ def test_a_slow_error_is_raised_by_itself_and_not_without_end(
     ("lasts", "after", "takes", "noise", "slow"),
     [
         (9.0, (), 3.0, 1.25**5, 1.0),  # it is as short as noise
+        (9.0, (), 15.0, 1.25**13, 1.0),  # in two leaps and seven steps
         (30.0, (), 3.0, 1.0, 1.25**5),  # it helps more
         (30.0, ((0, 1.0),), 3.0, 1.25**10, 1.0),  # it goes with moves of an input
         (9.0, (), 25.0, None, 1.0),  # noise that hides all

@@ -275,7 +275,12 @@ def _without_needless(search: Search, stand: Footing, found: Footing, more: Sequ
         if found.bent.get(item.what.key, 0.0) >= SURE:
             continue
         search.tell(f"fitting {', '.join(known.what.words for known in others)} without {item.what.words}")
-        alone = added_together(search, _nearer(stand, found), others, least=WORTH / 3.0)
+        begin = _nearer(stand, found)
+        nearer = added_together(search, begin, others, least=WORTH / 3.0, few=True)
+        if found.held - nearer.held >= SURE:  # the rest of the way brings no such gain
+            continue
+        begin = replace(begin, values={name: nearer.values[name] for name in begin.values})
+        alone = added_together(search, begin, others, least=WORTH / 3.0)
         if found.held - alone.held < WORTH:
             found = alone
     return found
@@ -286,13 +291,15 @@ def _nearer(stand: Footing, found: Footing) -> Footing:
     return replace(stand, values={name: found.values[name] for name in stand.values}, starts=found.starts)
 
 
-def added_together(search: Search, stand: Footing, more: Sequence[Added], least: float = CLOSE_ENOUGH) -> Footing:
-    """Give where imperfections lead together, all recordings considered; each with what it gained by itself.
+def added_together(
+    search: Search, stand: Footing, more: Sequence[Added], least: float = CLOSE_ENOUGH, *, few: bool = False
+) -> Footing:
+    """Give where imperfections lead together, all recordings considered, or few; each with what it gained by itself.
 
     least: nats that a further step of the climb has to bring.
     """
     items = [item.what for item in more]
-    found = search.ground_with(stand, items).climbed(stand, *items, least=least)
+    found = search.ground_with(stand, items).climbed(stand, *items, least=least, few=few)
     sizes = {item.what.key: item.what for item in found.added}
     kept = (replace(item, what=sizes[item.what.key]) for item in more)
     return replace(found, added=(*found.added[: len(stand.added)], *kept))

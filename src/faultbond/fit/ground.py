@@ -314,7 +314,8 @@ class Ground:
         ahead = foretold(plant, search.held, self.begin_of(search.held, search.begin_held), found)
         stood = self._stood(stand, opened, unknowns, found, summit, evidence_of(ahead))
         seen = score_recordings(all_known(plant, found), records, replace(summit.point, values=np.zeros(0)))
-        stood = replace(stood, few=evidence_of(seen[: len(search.few)]))
+        parts = zip(seen, search.few, strict=False)  # of these as many samples as compare
+        stood = replace(stood, few=evidence_of([item.part(len(record.time)) for item, record in parts]))
         stood = stood if few else self._seen(stood, found, summit, seen)
         keys = {item.key for item in more}
         gains = stood.few - stand.few, stood.held - stand.held

@@ -1,7 +1,7 @@
 """Likelihood, its slopes and its information over recordings."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -99,6 +99,10 @@ class Scored:
     scores: FloatArray
     information: FloatArray
     value: float
+
+    def part(self, count: int) -> "Scored":
+        """Give what its first samples say; of the value, and of scores and information, all."""
+        return replace(self, innovations=self.innovations[:count], variances=self.variances[:count])
 
     @property
     def standardised(self) -> FloatArray:

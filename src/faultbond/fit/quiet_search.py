@@ -59,8 +59,10 @@ LAG_GRID = 2.0  # samples: a lag for which one step of the integration is enough
 NO_LAG = 1.01 * LEAST_LAG  # samples: a lag that would rather be none
 AGAIN = 2.0  # times what it promised before; what was tried in vain and promises more is tried once more
 MOVES = (0.3, 1.0, 3.0, 10.0)  # of a sensor's noise, after an input has moved as far as it usually does
-MOST_SAMPLES = 6000  # with which sizes are compared
-FULLY = 15  # imperfections that are asked for at all sizes and memories
+MOST_SAMPLES, LEAST_SAMPLES = 6000, 2000  # with which sizes are compared, and where many numbers are followed
+FOLLOWED = 30  # states and errors that may be followed through all of these: what a sample takes grows with them
+FULLY = 15  # imperfections that are asked for at sizes and memories about their best
+LEAST_LAST = 0.1  # of the samples that compare; a shorter part of a recording tells little
 FEW_SAMPLES = 8000  # of the recordings with which imperfections are compared; what is kept is fitted to all
 
 Tell = Callable[[str], None]
@@ -90,8 +92,7 @@ class Search:
         self.columns = (*free, *(item.name for item in graph.parameters if item.name in own))
         steps = np.concatenate([np.diff(item.time) for item in (*self.trained, *self.held)])
         self.step = float(np.median(steps))
-        ends = np.cumsum([len(item.time) for item in self.trained])
-        self.few = self.trained[: int(np.searchsorted(ends, FEW_SAMPLES)) + 1]
+        self.few: Sequence[HealthyRecording] = first_of(self.trained, FEW_SAMPLES)
         self.longest = LONGEST * min(float(np.ptp(item.time)) for item in self.trained)
         signals = law_signals(model)
         self.behind = {name: left for name, left in signals_behind(model).items() if name in signals}
@@ -221,11 +222,10 @@ class Search:
             and (x.place, x.after) not in loops
         )
         asked = [(item, self._sizes(stand, item, usual), self._memories(item)) for item in free]
-        best: dict[tuple[Kind, str], tuple[Imperfection, float]] = {}
-        if len(asked) > FULLY:  # at a few sizes and memories first: those that gain little there hardly matter
-            best = _best_of([(item, x[1::2] or x, t[1::2] or t) for item, x, t in asked], gains_of)
-            likely = sorted(best, key=lambda key: best[key][1], reverse=True)[:FULLY]
-            asked = [one for one in asked if one[0].key in likely]
+        best = _best_of([(item, x[1::2] or x, t[1::2] or t) for item, x, t in asked], gains_of)
+        likely = sorted(best, key=lambda key: best[key][1], reverse=True)[:FULLY]  # the others hardly matter
+        about = ((item, best[item.key][0], x, t) for item, x, t in asked if item.key in likely)
+        asked = [(item, _next_to(found.size, x), _next_to(found.memory, t)) for item, found, x, t in about]
         while asked:
             best |= {
                 key: one for key, one in _best_of(asked, gains_of).items() if key not in best or one[1] > best[key][1]
@@ -257,7 +257,8 @@ class Search:
         """Give the usual size of each signal, and what tells what imperfections would gain with all else as it is."""
         if in_time(stand.graph) != in_time(self.all.graph):  # what lags by now is to be no error any more
             self.all = self._with_all(stand.graph)
-        record = _shortened(self.trained[0])
+        many = max(LEAST_SAMPLES, MOST_SAMPLES * FOLLOWED // max(FOLLOWED, self.all.layout.n_mean))
+        (record,) = first_of(self.trained[:1], many)
         q, start = self.all.q_of(stand), self.all.starts_of(stand)[:1]
         plant = self.all.plant(q)
         now = float(likelihoods(plant, [record], start, q[None])[0])
@@ -323,6 +324,17 @@ def _opened(item: Imperfection, lag: float) -> Imperfection:
     return replace(item, size={Kind.LAG: lag, **dict.fromkeys(CURVES, 0.0)}.get(item.kind, UNTRIED))
 
 
-def _shortened(record: HealthyRecording) -> HealthyRecording:
-    part = slice(0, MOST_SAMPLES)
-    return replace(record, time=record.time[part], u=record.u[part], samples=record.samples[part], use=record.use[part])
+def _next_to(found: float, tried: Sequence[float]) -> tuple[float, ...]:
+    """Give the sizes, or memories, next to one that was found, and that."""
+    k = list(tried).index(found)
+    return tuple(tried[max(k - 1, 0) : k + 2])
+
+
+def first_of(records: Sequence[HealthyRecording], most: int) -> tuple[HealthyRecording, ...]:
+    """Give so many samples of recordings at most: the first ones, of the last one a part if that is no short one."""
+    found: list[HealthyRecording] = []
+    for record in records:
+        left = most - sum(len(item.time) for item in found)
+        if not found or left >= LEAST_LAST * most:
+            found.append(record.part(left) if left < len(record.time) else record)
+    return tuple(found)

@@ -21,6 +21,7 @@ WIDER = (1.5, 2.0, 3.0)  # times the accuracies that are tried alone
 WIDEST = WIDER[-1]  # times as large; a parameter that needs more is no constant
 LOOSEST = 10.0  # and of one that is no suspect
 RISE, MOST_RISES = 1.25, 40  # by which noise or slow errors rise, and how often
+FAR, LEAP = 4.0, RISE**3  # times the limit, beyond which they rise by so much at once: less is not enough there
 LARGEST, LOUDEST = 5.0, 20.0  # times a slow error, and a noise; one that must be larger is none
 LASTING = 20.0  # samples; a slow error of a sensor that is shorter is much like its noise
 KINDS = ("accuracy", "noise", "slow")
@@ -233,15 +234,16 @@ def enough(
             return now
         # First what comes too near to its limit, then what alarms most often.
         worst = min(range(len(found)), key=lambda k: (found[k].peak <= most, found[k].between, -found[k].peak))
-        tried = [(larger, rates(larger)) for larger in _larger(core.spec, now, worst, step)]
+        rise = LEAP if found[worst].peak > FAR * most else RISE
+        tried = [(larger, rates(larger)) for larger in _larger(core.spec, now, worst, step, rise)]
         if not tried:
             return None
         now, found = min(tried, key=lambda one: missing(one[1]))
     return None
 
 
-def _larger(spec: EngineSpec, now: Variant, worst: int, step: float) -> list[Variant]:
-    """Give what may be declared larger by a step, of all and with it, where statistic number `worst` is too large.
+def _larger(spec: EngineSpec, now: Variant, worst: int, step: float, rise: float) -> list[Variant]:
+    """Give what may be declared larger by so much, of all and with it, where statistic number `worst` is too large.
 
     What goes with moves of an input has sizes of its own for these, so that stays.
     """
@@ -254,16 +256,16 @@ def _larger(spec: EngineSpec, now: Variant, worst: int, step: float) -> list[Var
         ]
     else:
         own = [[k for k, item in enumerate(spec.slow_errors) if item.alarms][worst - len(noise)]]
-    louder = [worst] if worst < len(noise) and noise[worst] * RISE <= LOUDEST else []
+    louder = [worst] if worst < len(noise) and noise[worst] * rise <= LOUDEST else []
     return [
-        *(replace(now, noise=_risen(noise, j)) for j in louder),
-        *(replace(now, slow=_risen(slow, k)) for k in own if slow[k] * RISE <= LARGEST),
+        *(replace(now, noise=_risen(noise, j, rise)) for j in louder),
+        *(replace(now, slow=_risen(slow, k, rise)) for k in own if slow[k] * rise <= LARGEST),
     ]
 
 
-def _risen(sizes: FloatArray, k: int) -> tuple[float, ...]:
-    """Give sizes (n,) of which number k is larger by a step."""
-    return tuple((np.where(np.arange(len(sizes)) == k, RISE, 1.0) * sizes).tolist())
+def _risen(sizes: FloatArray, k: int, rise: float) -> tuple[float, ...]:
+    """Give sizes (n,) of which number k is so many times as large."""
+    return tuple((np.where(np.arange(len(sizes)) == k, rise, 1.0) * sizes).tolist())
 
 
 def _step(records: Sequence[HealthyRecording]) -> float:
