@@ -30,6 +30,7 @@ from faultbond.fit.ground import COARSE
 from faultbond.fit.healthy_changes import healthy_changes
 from faultbond.fit.held_back import Recordings, parted
 from faultbond.fit.identification import Fit, Halted, Prior, fit_plant
+from faultbond.fit.lags import of_an_input
 from faultbond.fit.offset import centred
 from faultbond.fit.quiet_search import ROUNDS, Search, Tell
 from faultbond.fit.samples import healthy_recording
@@ -258,7 +259,7 @@ def _searched(
 
 def _settled(search: Search, stand: Footing) -> Footing:
     """Give where what was added leads once what is of no use is gone, and a climb has come to rest."""
-    return search.at_rest(search.lasting(stand))
+    return of_an_input(search, search.at_rest(search.lasting(stand)))
 
 
 def _added_words(stand: Footing, better: Footing) -> str:

@@ -22,6 +22,7 @@ from faultbond.fit.evidence import CLOSE_ENOUGH
 from faultbond.fit.foothold import Added, Footing, keys_of
 from faultbond.fit.ground import NEARLY, Ground
 from faultbond.fit.imperfections import Imperfection, Kind, parameter_name, power_of
+from faultbond.fit.lags import is_new, late_together
 from faultbond.fit.quiet_search import AGAIN, CLOSE, FEWEST, WORTH, Search
 
 TRIED = 3  # of the best of each kind, in each round
@@ -34,7 +35,12 @@ SURE = 100.0  # nats; of a curve that is worth as much where fitted, what is hel
 
 
 def better(search: Search, stand: Footing) -> Footing | None:
-    """Give where the best further imperfection leads; None: none foretells what was held back better."""
+    """Give where the best further imperfection leads; None: none foretells what was held back better.
+
+    Where much seems to lag all of that is asked for first, together.
+    """
+    if (late := late_together(search, stand)) is not None:
+        return late
     if not (tried := worth_fitting(search, stand)):
         return None
     search.tell(f"fitting {', '.join(item.words for _, item, _ in tried)}")
@@ -178,7 +184,7 @@ def worth_fitting(search: Search, stand: Footing) -> list[tuple[Ground, Imperfec
     """
     slow = _likeliest(search, [item for item in search.profile(stand) if item[1] > 0.0])
     hints = {item: gain for item, gain in late_ones(stand, search.trained) if gain > HINT}
-    lags = [item for item, gain in hints.items() if _is_new(search, stand, item, gain)]
+    lags = [item for item, gain in hints.items() if is_new(search, stand, item, gain)]
     between = [
         item for item in other_holds(stand, search.trained, search.all.model.direct) if item.key not in search.refused
     ]
@@ -221,17 +227,6 @@ def _likeliest(search: Search, asked: Sequence[tuple[Imperfection, float]]) -> l
     most = max((gain for _, gain in found), default=0.0)
     found = [(item, gain) for item, gain in found if gain >= PROMISING * most]
     return sorted(found, key=lambda item: item[1], reverse=True)[:TRIED]
-
-
-def _is_new(search: Search, stand: Footing, lag: Imperfection, hint: float) -> bool:
-    """Tell whether a lag or its like is to be asked for, that seems to gain by so many nats.
-
-    A highest rate, of any command, is so until it is in vain; what has gained nothing where less spoke for it is not.
-    """
-    is_new = lag.kind is Kind.ORDER or parameter_name(lag) not in stand.values
-    most = 0.0 if lag.kind is Kind.RATE_LIMIT else np.inf
-    is_idle = hint <= AGAIN * search.idle.get(lag, -np.inf)
-    return is_new and not is_idle and not search.refused.get(lag.key, -np.inf) >= most
 
 
 def _joint(search: Search, stand: Footing, best: Footing, others: Sequence[Footing]) -> Footing | None:

@@ -100,6 +100,7 @@ class Search:
         self.laws = {name: law for name, law in laws_of_signals(model).items() if name in asked}
         self.possible = possible(graph, signals, len(model.states))
         self.refused: dict[tuple[Kind, str], float] = {}  # what was tried in vain, and the nats it seemed to gain then
+        self.asked_together: frozenset[tuple[Kind, str]] = frozenset()  # lags that were asked for all at once
         self.idle: dict[Imperfection, float] = {}  # lags that gained nothing, and what they seemed to gain then
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
         self.inside: frozenset[str] = frozenset()  # parameters that are kept from straying

@@ -1,0 +1,87 @@
+"""Lags of many sensors at once, and one input that comes behind in place of all sensors that follow it."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from faultbond.errors import StructureError
+from faultbond.fit.delays import HINT, late_ones
+from faultbond.fit.foothold import Added, Footing
+from faultbond.fit.imperfections import Imperfection, Kind, parameter_name, without_lag
+from faultbond.fit.quiet_search import AGAIN, CLOSE, FEWEST, NO_LAG, WORTH, Search
+
+MANY = 3  # lags that are asked for together
+ALIKE = 1.3  # times the shortest, up to which lags are about alike
+
+
+def is_new(search: Search, stand: Footing, lag: Imperfection, hint: float) -> bool:
+    """Tell whether a lag or its like is to be asked for, that seems to gain by so many nats.
+
+    A highest rate, of any command, is so until it is in vain; what has gained nothing where less spoke for it is not.
+    """
+    new = lag.kind is Kind.ORDER or parameter_name(lag) not in stand.values
+    most = 0.0 if lag.kind is Kind.RATE_LIMIT else np.inf
+    is_idle = hint <= AGAIN * search.idle.get(lag, -np.inf)
+    return new and not is_idle and not search.refused.get(lag.key, -np.inf) >= most
+
+
+def late_together(search: Search, stand: Footing) -> Footing | None:
+    """Give where the lags of all sensors that seem to lag lead together, where many do; None: few do, or no better.
+
+    Sensors that all come behind are the first thing that a model of a quick plant leaves out, and one by one they cost
+    a round for a few of them. A lag that is none comes down to the least there is, and goes. None of an input is among
+    them: it would be the same as one of all sensors, and neither could be told.
+    """
+    hints = [item for item in late_ones(stand, search.trained) if item[0].kind is Kind.LAG and item[0].is_sensor]
+    new = (item for item, gain in hints if gain > HINT and is_new(search, stand, item, gain))
+    lags = [replace(item, size=search.step) for item in new]
+    if len(lags) < MANY or search.asked_together >= {item.key for item in lags}:
+        return None
+    search.asked_together |= {item.key for item in lags}
+    search.tell(f"fitting {', '.join(item.words for item in lags)} together, since many seem to lag")
+    with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
+        near = search.ground_with(stand, lags).climbed(stand, *lags, few=True)
+        lasting = [item.what for item in near.added[len(stand.added) :] if item.what.size > NO_LAG * search.step]
+        if not lasting or not near.few - stand.few >= FEWEST:
+            return None
+        begin = replace(stand, values={name: near.values[name] for name in stand.values})
+        found = search.ground_with(begin, lasting).climbed(begin, *lasting)
+        if found.held - stand.held >= WORTH:
+            return replace(found, added=(*stand.added, *_told_of_first(found.added[len(stand.added) :])))
+    return None
+
+
+def _told_of_first(added: Sequence[Added]) -> list[Added]:
+    """Give what was added together, with what all of it gains told of the first."""
+    first, *others = added
+    return [first, *(replace(item, trained=0.0, held=0.0) for item in others)]
+
+
+def of_an_input(search: Search, stand: Footing) -> Footing:
+    """Give a footing with the lag of one input in place of those of several sensors, where that explains as much.
+
+    An input that comes behind is on the sensors of a linear plant as if all of these did, about alike.
+    """
+    own = {item.name for item in search.graph.parameters}
+    late = [item for item in stand.added if item.what.kind is Kind.LAG and parameter_name(item.what) not in own]
+    late = [item for item in late if item.what.is_sensor and item.what.order == 1]
+    sizes = [item.what.size for item in late]
+    if len(late) < 2 or max(sizes) > ALIKE * min(sizes):
+        return stand
+    base = replace(stand, added=tuple(item for item in stand.added if item not in late))
+    for item in late:
+        base = replace(base, graph=without_lag(base.graph, item.what))
+    gained = sum(item.trained for item in late), sum(item.held for item in late)
+    for known in stand.graph.inputs:
+        lag = Imperfection(kind=Kind.LAG, place=known.name, size=float(np.median(sizes)))
+        if known.lag:
+            continue
+        search.tell(f"fitting {lag.words} in place of {', '.join(item.what.words for item in late)}")
+        with suppress(StructureError):
+            found = search.ground_with(base, [lag]).climbed(base, lag)
+            if found.held >= stand.held - max(WORTH, CLOSE * gained[1]):
+                (new,) = found.added[len(base.added) :]
+                return replace(found, added=(*base.added, replace(new, trained=gained[0], held=gained[1])))
+    return stand
