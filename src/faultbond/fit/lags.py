@@ -8,11 +8,14 @@ import numpy as np
 
 from faultbond.errors import StructureError
 from faultbond.fit.delays import HINT, late_ones
+from faultbond.fit.evidence import likelihoods
 from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.imperfections import Imperfection, Kind, parameter_name, without_lag
 from faultbond.fit.quiet_search import AGAIN, CLOSE, FEWEST, NO_LAG, WORTH, Search
 
 MANY = 3  # lags that are asked for together
+NEXT_TO_NONE = 0.01  # samples: a lag that is none
+NEARLY_ALL = 0.9  # of what the lags of sensors explain, that the lag of an input in their place has to
 ALIKE = 1.3  # times the shortest, up to which lags are about alike
 
 
@@ -70,14 +73,16 @@ def of_an_input(search: Search, stand: Footing) -> Footing:
     sizes = [item.what.size for item in late]
     if len(late) < 2 or max(sizes) > ALIKE * min(sizes):
         return stand
+    inputs = [
+        Imperfection(kind=Kind.LAG, place=item.name, size=float(np.median(sizes)))
+        for item in stand.graph.inputs
+        if not item.lag
+    ]
     base = replace(stand, added=tuple(item for item in stand.added if item not in late))
     for item in late:
         base = replace(base, graph=without_lag(base.graph, item.what))
     gained = sum(item.trained for item in late), sum(item.held for item in late)
-    for known in stand.graph.inputs:
-        lag = Imperfection(kind=Kind.LAG, place=known.name, size=float(np.median(sizes)))
-        if known.lag:
-            continue
+    for lag in _as_likely(search, stand, [item.what for item in late], inputs):
         search.tell(f"fitting {lag.words} in place of {', '.join(item.what.words for item in late)}")
         with suppress(StructureError):
             found = search.ground_with(base, [lag]).climbed(base, lag)
@@ -85,3 +90,23 @@ def of_an_input(search: Search, stand: Footing) -> Footing:
                 (new,) = found.added[len(base.added) :]
                 return replace(found, added=(*base.added, replace(new, trained=gained[0], held=gained[1])))
     return stand
+
+
+def _as_likely(
+    search: Search, stand: Footing, late: Sequence[Imperfection], inputs: Sequence[Imperfection]
+) -> list[Imperfection]:
+    """Give the lags of inputs each of which explains, in place of those of sensors, nearly all that these explain.
+
+    With all else as it stands, which costs nothing beside a climb.
+    """
+    with suppress(StructureError):
+        ground = search.ground_with(stand, inputs)
+        none = ground.q_of(stand)
+        for item in (*late, *inputs):
+            none = ground.with_one(none, replace(item, size=NEXT_TO_NONE * search.step))
+        tried = np.array([none, *(ground.with_one(none, item) for item in inputs)])
+        starts = ground.starts_of(stand)[: len(search.few)]
+        without, *found = likelihoods(ground.plant(none), search.few, starts, tried).tolist()
+        least = without + NEARLY_ALL * (stand.few - without)
+        return [item for item, value in zip(inputs, found, strict=True) if value >= least]
+    return []
