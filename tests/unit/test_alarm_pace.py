@@ -24,7 +24,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 @pytest.mark.parametrize(
-    ("recording", "seconds", "said"), [("leak", 1e7, True), ("leak", 0.0, False), ("healthy", 1e7, False)]
+    ("recording", "seconds", "said"), [("leak", 1e7, True), ("leak", 0.5, False), ("healthy", 1e7, False)]
 )
 def test_samples_that_take_too_long_are_told(
     recording: str, seconds: float, said: bool, clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]

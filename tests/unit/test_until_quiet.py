@@ -1807,6 +1807,29 @@ def test_of_a_sensor_its_noise_or_what_lasts_is_raised(
     assert found == (None if noise is None else Variant(noise=(noise,), slow=(slow,)))
 
 
+@pytest.mark.parametrize(("takes", "asked"), [(3.0, 6), (15.0, 10)])
+def test_what_is_far_beyond_its_limit_rises_by_leaps(takes: float, asked: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the same noise as by steps alone, with fewer of them: two leaps and seven steps where it takes 15 times."""
+    tried = list[float]()
+
+    def rates(_: object, seen: Sequence[Variant], __: float) -> tuple[Rate, ...]:
+        (louder,) = (one.noise[0] for one in seen if isinstance(one.noise, tuple))
+        tried.append(louder)
+        peak = ROOM * takes / louder
+        return (Rate(name="i", kind="sensor", peak=peak, between=1e9, mean=0.0, spread=1.0, memory=1.0),)
+
+    monkeypatch.setattr(trial, "take_recordings", lambda _, items: items)
+    monkeypatch.setattr(trial, "watch_taken", lambda _, __, variants: [variants])
+    monkeypatch.setattr(trial, "alarm_rates", rates)
+    output = SimpleNamespace(name="i")
+    core = cast("Core", SimpleNamespace(spec=SimpleNamespace(parameters=(), outputs=(output,), slow_errors=())))
+    found = enough(core, [cast("HealthyRecording", SimpleNamespace(samples=np.ones((3, 1))))], 3600.0)
+    assert found is not None
+    assert isinstance(found.noise, tuple)
+    assert takes <= found.noise[0] < 1.25 * takes
+    assert len(tried) == asked
+
+
 def test_only_the_slow_error_that_is_raised_is_written_anew() -> None:
     """The others stay as they are, and it is told by its name."""
     text = f"{MODEL}slow_error: {{source.e: 3 % over 1 s, L.e: 0.5 % over 1 s}}\n"

@@ -428,6 +428,20 @@ def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest
     assert on_trial == rested == [more]
 
 
+def test_no_further_start_begins_without_time(recording: Path) -> None:
+    """The first has led somewhere; what follows it is as far as that."""
+    graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
+    core, model = build_watcher(graph), build_model(graph)
+    read = [("a", read_points(graph, str(recording)))]
+    plant, records, begin = build_fit(model, likelihood_engine(model), core, read, free_parameters(graph))
+    told = list[str]()
+    finish = Finish(in_time=lambda: not any(text.startswith("start 1 of 3") and "step 3" in text for text in told))
+    found = fit_plant(plant, records, begin, starts=3, finish=finish, tell=told.append)
+    assert found.starts == 1
+    assert not [text for text in told if text.startswith("start 2")]
+    assert not found.summit.settled
+
+
 def test_only_the_best_start_goes_on_from_places_around(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where all are stuck another one may lead higher by far, so none of them is worth what places around cost."""
     graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
