@@ -404,6 +404,7 @@ def test_a_curve_over_what_drives_a_flow_does_not_stand_for_one_over_the_flow(
         return replace(stand, held=gain, few=gain, added=(Added(what=item, trained=gain, held=gain),))
 
     tried = [(SimpleNamespace(climbed=climbed), item, 9.0) for item in (pump, flow)]
+    monkeypatch.setattr(further, "late_together", lambda *_: None)
     monkeypatch.setattr(further, "worth_fitting", lambda *_: tried)
     monkeypatch.setattr(further, "_joint", lambda *_: None)
     monkeypatch.setattr(
@@ -556,6 +557,7 @@ def test_a_curve_beside_others_has_to_be_needed(
         return replace(stand, held=held, added=(Added(what=item, trained=held, held=held),))
 
     monkeypatch.setattr(further, "added_together", together)
+    monkeypatch.setattr(further, "late_together", lambda *_: None)
     monkeypatch.setattr(
         further, "worth_fitting", lambda *_: [(SimpleNamespace(climbed=climbed), item, 9.0) for item in items]
     )
@@ -723,6 +725,7 @@ def test_what_compares_need_not_be_known_better_than_the_best(monkeypatch: pytes
         asked.append(least)
         return replace(stand, few=[5000.0, 800.0, 0.0][len(asked) - 1], held=-1.0)
 
+    monkeypatch.setattr(further, "late_together", lambda *_: None)
     monkeypatch.setattr(
         further, "worth_fitting", lambda *_: [(SimpleNamespace(climbed=climbed), x, 9.0) for x in items]
     )

@@ -135,6 +135,7 @@ def chosen(gains: Sequence[tuple[Imperfection, float]], monkeypatch: pytest.Monk
         return SimpleNamespace(climbed=lambda *_, **_how: footing)
 
     tried = [(ground(footing), item, 9.0) for footing, (item, _) in zip(found, gains, strict=True)]
+    monkeypatch.setattr(further, "late_together", lambda *_: None)
     monkeypatch.setattr(further, "worth_fitting", lambda *_: tried)
     monkeypatch.setattr(further, "_joint", lambda *_: None)
     monkeypatch.setattr(

@@ -237,12 +237,19 @@ def test_what_is_missing_is_kept_where_it_explains_as_much(
     fake = Cured(
         parameters=parameters, own=(), tell=lambda _: None, inside=frozenset(), believed=frozenset(), refused={}
     )
+    fake.asked_together = frozenset({(Kind.LAG, "before")})
     fake.__dict__.update(options)
     search = cast(Search, fake)
     explained = replace(stand, held=fake.gain) if fake.found else None
-    monkeypatch.setattr(cure, "better", lambda *_: explained)
+
+    def better(search: Search, _: Footing) -> Footing | None:
+        search.asked_together |= {(Kind.LAG, "with it inside")}
+        return explained
+
+    monkeypatch.setattr(cure, "better", better)
     assert strayed(search, stand) == {"R"}
     found, let_go = cured(search, stand)
+    assert search.asked_together == {(Kind.LAG, "before")}
     assert (found is not None) == is_cured
     assert (let_go is not None) == bool(case.keys() & {"free", "ends"})
     assert search.believed == ({"R"} if is_cured else frozenset())
@@ -413,6 +420,7 @@ def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest
     monkeypatch.setattr(quiet_fit, "_seems_quiet", lambda *_: True)
     monkeypatch.setattr(quiet_fit, "_cured", lambda *_, again: Cure(kept=cures.pop(0)) if again else Cure())
     monkeypatch.setattr(quiet_fit, "_attempt", attempt)
+    monkeypatch.setattr(quiet_fit, "of_an_input", lambda _, stand: stand)
     rested = list[Footing]()
 
     def at_rest(stand: Footing) -> Footing:
