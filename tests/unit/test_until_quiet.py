@@ -493,6 +493,7 @@ def searched(
     """Give a search after its round, and what it chose, by where imperfections lead alone and together."""
     search = bare_search()
     ground = SimpleNamespace(climbed=lambda _, item, few, least: alone[item])
+    monkeypatch.setattr(further, "late_together", lambda *_: None)
     monkeypatch.setattr(further, "worth_fitting", lambda *_: [(ground, item, 9.0) for item in alone])
     monkeypatch.setattr(further, "added_together", together)
     found = further.better(search, stand)
@@ -719,6 +720,7 @@ def test_what_gains_nothing_beside_all_recordings_is_not_added(gain: float, monk
         return replace(stand, held=stand.held + held, added=(Added(what=item, trained=held, held=held),))
 
     ground = SimpleNamespace(climbed=climbed)
+    monkeypatch.setattr(further, "late_together", lambda *_: None)
     monkeypatch.setattr(further, "worth_fitting", lambda *_: [(ground, item, 9.0)])
     monkeypatch.setattr(Search, "ground_with", lambda *_, **__: ground)
     found = further.better(bare_search(), stand)
