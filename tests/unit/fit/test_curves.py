@@ -522,6 +522,32 @@ def test_a_curve_of_no_use_is_left_out(loss: float, is_kept: bool, monkeypatch: 
 
 
 @pytest.mark.parametrize(
+    ("lost", "climbs", "kept"), [(SURE, [True], "hk"), (0.9 * SURE, [True, False], "hk"), (1.0, [True, False], "h")]
+)
+def test_what_few_recordings_miss_much_is_not_fitted_to_all_without(
+    lost: float, climbs: list[bool], kept: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A climb with all recordings follows where few of them leave it open; it begins where these have led."""
+    bend, asked = Bend(Name("flow"), "flow", 1.0, 0.1), list[bool]()
+    h, k = (Imperfection(kind=Kind.CURVE, place=name, bend=bend) for name in "hk")
+    more = [Added(what=item, trained=9.0, held=9.0) for item in (h, k)]
+    stand = Footing(graph=parse_model(COOLER), values={"UA": 1.0}, starts={})
+    found = replace(stand, held=200.0, added=tuple(more), values={"UA": 2.0})
+
+    def together(_: Search, begin: Footing, more: Sequence[Added], *, few: bool = False, **__: float) -> Footing:
+        assert begin.values["UA"] == (2.0 if few else 3.0)
+        asked.append(few)
+        return replace(begin, held=200.0 - lost, added=tuple(more), values={"UA": 3.0})
+
+    monkeypatch.setattr(further, "added_together", together)
+    search = Search.__new__(Search)
+    search.tell = lambda _: None
+    ended = further._without_needless(search, stand, found, more)
+    assert asked == climbs
+    assert "".join(item.what.place for item in ended.added) == kept
+
+
+@pytest.mark.parametrize(
     ("worth", "kept"),
     [
         ({"slow": 0.0, "h": 50.0, "k": 40.0}, "hk"),  # the slow error stood for both

@@ -1,6 +1,6 @@
 """Much that comes behind is asked for together, and what only seems to goes."""
 
-import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 from faultbond.app import quiet_fit
-from faultbond.cli import DONE, main
+from faultbond.arrays import FloatArray
 from faultbond.errors import StructureError
 from faultbond.fit import lags
-from faultbond.fit.foothold import Footing
+from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.imperfections import Imperfection, Kind
-from faultbond.io.recording import write_recording
 from faultbond.model.text import parse_model
-from faultbond.simulate import Inputs, simulate
+from quieted import quiet_record
 
 STEP = 0.05  # s
 LADDER = """
@@ -42,19 +41,9 @@ sensors:
 LAGS = {"v1": 0.12, "v2": 0.2, "i": 0.15}
 
 
-def fitted(folder: Path, truth: str) -> dict[str, Any]:
-    """Fit the ladder until quiet to recordings of the true one; give the record of what was done."""
-    (folder / "first.yaml").write_text(LADDER, encoding="utf-8")
-    for seed in (1, 2):
-        moves = np.repeat(np.random.default_rng(seed).choice([-4.0, -1.0, 2.0, 5.0], 40), 30)
-        made = simulate(parse_model(truth), Inputs(time=STEP * np.arange(1200.0), values=moves[:, None]), seed=seed)
-        names = zip(("v1", "v2", "i"), made.outputs.T, strict=True)
-        write_recording(folder / f"{seed}.csv", {"time": made.time, "V": made.inputs[:, 0]} | dict(names))
-    words = [folder / "first.yaml", folder / "1.csv", folder / "2.csv", "-o", folder / "new.yaml"]
-    target = folder / "records.jsonl"
-    assert main(["fit", *map(str, words), "--until-quiet", "--starts", "1", "--json", str(target)]) == DONE
-    lines = map(json.loads, target.read_text(encoding="utf-8").splitlines())
-    return next(item for item in lines if item["record"] == "quiet")
+def steps(seed: int) -> FloatArray:
+    """Give a voltage that steps every 1.5 s."""
+    return np.repeat(np.random.default_rng(seed).choice([-4.0, -1.0, 2.0, 5.0], 40), 30)
 
 
 @pytest.fixture(autouse=True)
@@ -67,7 +56,7 @@ def test_sensors_that_all_lag_are_found_in_one_round(tmp_path: Path, capsys: pyt
     truth = LADDER
     for name, time in LAGS.items():
         truth = truth.replace(f"{name}: {{reads", f"{name}: {{lag: {time} s, reads")
-    found = fitted(tmp_path, truth)
+    found = quiet_record(tmp_path, LADDER, truth, steps, STEP)
     assert "together, since many seem to lag" in capsys.readouterr().err
     times = {item["of"]: item["size"] for item in found["added"] if item["kind"] == "lag"}
     assert times == {name: pytest.approx(time, rel=0.15) for name, time in LAGS.items()}
@@ -77,7 +66,8 @@ def test_sensors_that_all_lag_are_found_in_one_round(tmp_path: Path, capsys: pyt
 
 def test_one_input_that_lags_is_not_taken_for_its_sensors(tmp_path: Path) -> None:
     """All three come behind, and one lag explains it."""
-    found = fitted(tmp_path, LADDER.replace("{unit: V}", "{unit: V, lag: 0.15 s}"))
+    truth = LADDER.replace("{unit: V}", "{unit: V, lag: 0.15 s}")
+    found = quiet_record(tmp_path, LADDER, truth, steps, STEP)
     assert [(item["kind"], item["of"]) for item in found["added"]] == [("lag", "V")]
     assert found["added"][0]["size"] == pytest.approx(0.15, rel=0.1)
     assert found["quiet"]
@@ -103,3 +93,36 @@ def test_they_are_asked_for_together_once(monkeypatch: pytest.MonkeyPatch) -> No
         assert lags.late_together(cast(Any, search), stand) is None
         seen.append(len(told))
     assert seen == [0, 1, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("few", "held", "sizes", "kept"),
+    [
+        (100.0, 50.0, (0.2, 0.2, 0.2), ["v1", "v2", "i"]),
+        (100.0, 50.0, (0.2, 0.01, 0.2), ["v1", "i"]),  # one has come down to the least
+        (100.0, 50.0, (0.01, 0.01, 0.01), None),
+        (100.0, 2.0, (0.2, 0.2, 0.2), None),  # what was held back is foretold no better
+        (4.0, 50.0, (0.2, 0.2, 0.2), None),  # nor what is fitted
+    ],
+)
+def test_lags_are_kept_that_last_where_they_foretell_better(
+    few: float, held: float, sizes: tuple[float, ...], kept: list[str] | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What they gain together is told of the first."""
+    hints = [(Imperfection(kind=Kind.LAG, place=name, is_sensor=True), 100.0) for name in ("v1", "v2", "i")]
+    stand, found = (
+        Footing(graph=parse_model(LADDER), values={}, starts={}),
+        dict(zip(("v1", "v2", "i"), sizes, strict=True)),
+    )
+
+    def climbed(begin: Footing, *asked: Imperfection, **_: object) -> Footing:
+        new = (Added(what=replace(x, size=found[x.place]), trained=few, held=held) for x in asked)
+        return replace(begin, few=begin.few + few, held=begin.held + held, added=(*begin.added, *new))
+
+    monkeypatch.setattr(lags, "late_ones", lambda *_: hints)
+    search = SimpleNamespace(trained=(), step=STEP, idle={}, refused={}, asked_together=frozenset())
+    search.tell, search.ground_with = (lambda _: None), (lambda *_: SimpleNamespace(climbed=climbed))
+    lagging = lags.late_together(cast(Any, search), stand)
+    assert (None if lagging is None else [item.what.place for item in lagging.added]) == kept
+    if lagging is not None:
+        assert [item.held for item in lagging.added] == [held, *[0.0] * (len(lagging.added) - 1)]

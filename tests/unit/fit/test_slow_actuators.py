@@ -1,7 +1,6 @@
 """What comes behind otherwise than by one store: drives with a highest rate, and dead times."""
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 
 from faultbond.app import quiet_fit
-from faultbond.cli import DONE, main
 from faultbond.fit import delays, further, quiet_search
 from faultbond.fit.delays import late_ones
 from faultbond.fit.foothold import Added, Footing, with_orders
@@ -20,30 +18,15 @@ from faultbond.fit.ground import LAGS, Ground
 from faultbond.fit.imperfections import Imperfection, Kind, found_in, lag_of, with_imperfections, without_lag
 from faultbond.fit.likelihood import layout_of, nominal_q
 from faultbond.fit.quiet_search import NO_LAG, Search
-from faultbond.io.recording import write_recording
 from faultbond.model.text import load_model, parse_model
 from faultbond.report.quiet_result import amended_text
-from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.engine import build_model
+from quieted import quiet_record
 from winding import MODEL
 
 TRUE = MODEL.replace("3 ohm", "3.05 ohm").replace("50 mA", "20 mA")
+STEP = 0.02  # s
 LIMIT = Imperfection(kind=Kind.RATE_LIMIT, place="V", size=12.0, memory=0.06)
-
-
-def fitted(folder: Path, true: str, moves: Callable[[int], np.ndarray[Any, np.dtype[np.float64]]]) -> dict[str, Any]:
-    """Fit the first model until quiet to recordings of the true one; give the record of what was done."""
-    (folder / "first.yaml").write_text(MODEL, encoding="utf-8")
-    for seed in (1, 2):
-        inputs = Inputs(time=0.02 * np.arange(1200.0), values=moves(seed)[:, None])
-        made = simulate(parse_model(true), inputs, seed=seed)
-        rows = {"time": made.time, "V": made.inputs[:, 0], "i": made.outputs[:, 0]}
-        write_recording(folder / f"{seed}.csv", rows)
-    words = [folder / "first.yaml", folder / "1.csv", folder / "2.csv", "-o", folder / "new.yaml"]
-    target = folder / "records.jsonl"
-    assert main(["fit", *map(str, words), "--until-quiet", "--starts", "1", "--json", str(target)]) == DONE
-    lines = map(json.loads, target.read_text(encoding="utf-8").splitlines())
-    return next(item for item in lines if item["record"] == "quiet")
 
 
 def steps(seed: int) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -56,7 +39,9 @@ def test_a_highest_rate_is_found(
 ) -> None:
     """A source that moves by 12 V/s at most is told as that, with its lag, and no store and no error stand for it."""
     monkeypatch.setattr(quiet_fit, "smallest_of_each", lambda *_: [(), ()])
-    found = fitted(tmp_path, TRUE.replace("{unit: V}", "{unit: V, lag: 0.06 s, rate_limit: 12 V/s}"), steps)
+    found = quiet_record(
+        tmp_path, MODEL, TRUE.replace("{unit: V}", "{unit: V, lag: 0.06 s, rate_limit: 12 V/s}"), steps, STEP
+    )
     (added,) = found["added"]
     assert (added["kind"], added["of"]) == ("rate limit", "V")
     assert added["size"] == pytest.approx(12.0, rel=0.02)
@@ -76,7 +61,7 @@ def test_a_dead_time_is_found_as_a_lag_in_stages(
 ) -> None:
     """A sensor that comes 0.3 s behind in four stages is told so, its noise and the winding as they are."""
     monkeypatch.setattr(quiet_fit, "smallest_of_each", lambda *_: [(), ()])
-    found = fitted(tmp_path, TRUE.replace("20 mA", "20 mA, lag: {value: 0.3 s, order: 4}"), steps)
+    found = quiet_record(tmp_path, MODEL, TRUE.replace("20 mA", "20 mA, lag: {value: 0.3 s, order: 4}"), steps, STEP)
     (added,) = found["added"]
     assert (added["kind"], added["order"]) == ("lag", 4)
     assert added["of"] in "Vi"  # in a linear circuit both are the same
