@@ -306,6 +306,7 @@ def test_records_go_to_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         (["run", "m", "r", "--method", "magic"], "invalid choice: 'magic'"),
         (["check", "--data", "r", "m"], "required: MODEL; it stands before --data, which takes all names behind it"),
         (["check", "m", "--jso", "x"], "unrecognized arguments: --jso x"),
+        (["check", "m", "h.csv"], "unrecognized arguments: h.csv; a recording stands behind --data: --data h.csv"),
         (["simulate", "m", "--inputs", "i", "-o", "o", "--seed", "x"], "--seed x: expected a whole number"),
         (["simulate", "m", "--inputs", "i", "-o", "o", "--fault", "K1"], "fault 'K1': expected NAME=VALUE@TIME"),
         (["simulate", "m", "--inputs", "i", "-o", "o", "--spread", "3"], "'3' is no percentage"),

@@ -8,11 +8,11 @@ from faultbond.analysis.sensitivity import Experiment, build_recursion
 from faultbond.analysis.trajectories import Trajectory
 from faultbond.analysis.valid_levels import Level, valid_levels
 from faultbond.arrays import FloatArray
-from faultbond.equations.step import StepModel, reference_inputs
+from faultbond.equations.step import StepModel, is_guessed, reference_inputs
 from faultbond.model.graph import Input
 
 MOVE = 0.5  # part of their levels by which inputs move in a usual run
-NOISE_PART = 1 / 30  # of an input whose range is not known
+NOISE_PART = 1 / 30  # of an input of which nothing says where it is
 _STEPS = 70  # ever longer ones
 _LONGER = 1.25  # each than the one before
 _STILL = 1e-6  # relative change in the last, of a plant at rest
@@ -27,10 +27,10 @@ class Stand:
 
 
 def reference_levels(model: StepModel) -> FloatArray:
-    """Give the inputs (n_inputs,) of the usual run, SI: those of the nominal run, or 30 noises above 0 if more.
+    """Give the inputs (n_inputs,) of the usual run, SI: those of the nominal run.
 
-    Where an input was in the recordings of a fit is known, whatever its noise. One at which the model does not hold is
-    moved to where it does.
+    Where nothing says where an input usually is, it is 30 noises above 0, if that is more. One at which the model does
+    not hold is moved to where it does.
     """
     return np.array([item.value for item in _levels(model)], dtype=np.float64)
 
@@ -43,7 +43,7 @@ def moving_inputs(model: StepModel) -> FloatArray:
 def _levels(model: StepModel) -> tuple[Level, ...]:
     graph = model.plant.graph
     levels = zip(graph.inputs, reference_inputs(model.plant), strict=True)
-    usual = [level + (0.0 if item.fitted_range else _above_noise(item)) for item, level in levels]
+    usual = [level + (_above_noise(item) if is_guessed(item) else 0.0) for item, level in levels]
     return valid_levels(graph, usual, MOVE)
 
 

@@ -26,7 +26,7 @@ from faultbond.equations.step import StepModel
 from faultbond.errors import ModelError, StructureError
 from faultbond.model.graph import Input
 
-PERCENT_LEVELS = (10.0, 30.0, 50.0, 70.0, 90.0)
+LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9)  # parts of what an input can be
 FACTORS = (0.0, 0.5, 1.5, 2.0)  # of the level, in the model file's unit, of an input without a range
 HOLD_SAMPLES = 600  # longest hold, where none is given
 PARTS = (1 / 8, 1 / 4, 1 / 2, 1.0)  # of the longest hold
@@ -34,7 +34,7 @@ SHORTER = (1.0, 1 / 4, 1 / 16)  # parts of the longest hold, tried in turn
 FAULT = 0.25  # of the declared change: the fault that is to be told apart
 ENOUGH = 3.0  # standard deviations
 _STEPS = 48  # of the longest hold; each stands for many samples
-_NEAR = 5.0  # percent; a smaller change is none
+_NEAR = 0.05  # of what an input can be; a smaller change is none
 _AS_GOOD = 0.8  # of what the longest hold gives
 _BETTER = 1.2  # times the separation at rest; less is no help
 _SEEN = 0.1  # standard deviations; less is rounding, or nothing
@@ -160,13 +160,24 @@ def _trials(model: StepModel, levels: FloatArray) -> list[tuple[int, float]]:
     """Give the changes to be tried: (input, change in SI)."""
     trials = []
     for number, (item, level) in enumerate(zip(model.plant.graph.inputs, levels, strict=True)):
-        if item.unit.text == "percent":
-            changes = [wanted - level for wanted in PERCENT_LEVELS if abs(wanted - level) >= _NEAR]
-        else:
-            there = item.unit.from_si(level) or 1.0
-            changes = [item.unit.factor * (factor - 1.0) * there for factor in FACTORS]
+        changes = [wanted - level for wanted in _wanted(item, level)]
         trials += [(number, float(change)) for change in changes]
     return trials
+
+
+def _wanted(item: Input, level: float) -> list[float]:
+    """Give the levels to which an input may go from one, SI, none beyond an end of its range.
+
+    They are parts of what it can be, as it is known of percent too, else of the level.
+    """
+    lower, upper = item.lower, item.upper
+    if item.unit.text == "percent":
+        lower, upper = max(lower, 0.0), min(upper, 100.0)
+    if np.isfinite([lower, upper]).all():
+        span = upper - lower
+        return [to for part in LEVELS if abs((to := lower + part * span) - level) >= _NEAR * span]
+    there = item.unit.from_si(level) or 1.0
+    return [to for factor in FACTORS if lower <= (to := item.unit.to_si(factor * there)) <= upper]
 
 
 def _separation(

@@ -58,7 +58,10 @@ class Parser(argparse.ArgumentParser):
         found, left = super().parse_known_args(args, namespace)
         if left:
             options = [name for item in self._actions for name in item.option_strings]
-            self.error(f"unrecognized arguments: {' '.join(left)}{_meant(left[0].partition('=')[0], options)}")
+            meant = _meant(left[0].partition("=")[0], options)
+            if "--data" in options and not left[0].startswith("-"):
+                meant = f"; a recording stands behind --data: --data {left[0]}"
+            self.error(f"unrecognized arguments: {' '.join(left)}{meant}")
         return found, left
 
 

@@ -39,6 +39,12 @@ _COMMON = (  # what a misspelt unit may have been meant to be
     *("J", "kJ", "Hz", "kHz", "N", "kN", "Pa", "kPa", "MPa", "bar", "mbar", "psi", "rad", "deg", "rpm"),
     *("l", "L", "ml", "percent", "C"),
 )
+# What engineers write that is no unit here, or another one: `Nm` counts yarn, `cfm` is a hundredth of a fermi.
+_MEANT = {
+    **{"lpm": "l/min", "lps": "l/s", "gpm": "gal/min", "cfm": "ft^3/min", "cmh": "m^3/h", "Nm3": "m^3", "rev": "turn"},
+    **{"Nm": "N*m", "kNm": "kN*m", "mNm": "mN*m", "Nms": "N*m*s", "Watt": "W", "Watts": "W", "Ohm": "ohm", "HP": "hp"},
+    **{"Celsius": "degC", "Kelvin": "K", "barg": "bar", "bara": "bar", "psig": "psi", "psia": "psi"},
+}
 # Words that need no pint, whose import takes longer than reading a model: factor, unit, and offset where there is one.
 # A test compares them with pint's.
 _WORDS: Mapping[str, tuple[str | float, str] | tuple[str | float, str, float]] = {
@@ -335,10 +341,10 @@ class _Reader:
             return _Product(Fraction(1), DIMENSIONLESS)
         if not word or not (word[0].isalpha() or word[0] == "°"):
             raise self.error(f"a unit is expected, not `{shown(word) or 'the end'}`")
-        known = _word(word)
+        known = None if word in _MEANT else _word(word)
         if known is None:
             letters = word.rstrip("0123456789")
-            power = f"{letters}^{word[len(letters) :]}"
-            hint = f"did you mean `{power}`?" if letters != word else closest(word, _COMMON)
+            meant = _MEANT.get(word, f"{letters}^{word[len(letters) :]}")
+            hint = f"did you mean `{meant}`?" if word in _MEANT or letters != word else closest(word, _COMMON)
             raise self.error(f"unknown unit `{shown(word)}`; {shown(hint) or 'units are written as in `kPa*s/m^3`'}")
         return known

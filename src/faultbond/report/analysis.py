@@ -222,7 +222,7 @@ def print_solutions(console: Console, graph: BondGraph, solutions: Sequence[Othe
         words.append(f"{with_noun(odd, 'other pair')} {meet}")
     if twins.left_out:
         were = "was" if twins.left_out == 1 else "were"
-        words.append(f"{with_noun(twins.left_out, 'pair')} of sets {were} not compared")
+        words.append(f"{with_noun(twins.left_out, 'pair')} of sets {were} not compared; --budget raises the time for that")
     lines(console, [*items, *under("twins", words)])
 
 
@@ -267,6 +267,7 @@ def print_smallest(
     within = duration_text(found[0].within)
     cases = f"within {within}, in {100 * found[0].certainty:.0f} of 100 cases"
     title(console, "Smallest faults that are detected", cases)
+    lines(console, guess_lines(graph, guessed))
     rows = []
     for item in found:
         unit, nominal = _unit_of(graph, item.parameter)
@@ -274,13 +275,11 @@ def print_smallest(
         if item.value is not None:
             change = figure(unit.difference_from_si(item.value), digits=3).number()
             part = f"{100 * item.value / abs(nominal):.3g} %" if nominal else ""
-            sizes = [f"{x.output} {f'{x.in_noise:.2g}' if x.in_noise >= NO_EFFECT else '0'}" for x in item.effects]
-            effects = ", ".join(sizes)
+            effects = ", ".join(f"{x.output} {x.in_noise:.2g}" for x in item.effects if x.in_noise >= NO_EFFECT)
         rows.append((item.parameter, change, unit_text(unit.text), part, effects, ", ".join(item.alike)))
     header = ("parameter", "change", "unit", "of nominal", "largest effect, in noise sd", "then alike")
     table(console, header, rows)
-    told = _claimed_lines(graph, found) + guess_lines(graph, guessed)
-    told += begun_lines(found)
+    told = _claimed_lines(graph, found) + begun_lines(found)
     told += heat_lines(graph, [item.parameter for item in found])
     if not graph.slow_errors and not any(item.healthy_change for item in graph.parameters):
         exact = "of a plant that is as the model says. What a first model leaves out hides more: `fit --until-quiet`"

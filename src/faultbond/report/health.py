@@ -1,8 +1,10 @@
 """A model on healthy recordings: would it alarm, where is it wrong, and what it must declare; records and text."""
 
 import math
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from itertools import islice
 
 from rich.console import Console
 from rich.text import Text
@@ -14,13 +16,15 @@ from faultbond.fit.lack_of_fit import Region
 from faultbond.fit.trial import FACTORS, Health
 from faultbond.model.graph import BondGraph, Input, Unit
 from faultbond.report.console import headline, lines, table, title, under
-from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, recording_text, unit_text
+from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, join, recording_text, unit_text
 from faultbond.report.suspects import cure_of_walk
 
 MOST_REGIONS = 6
+MOST_OF_ONE = 2  # regions of a sensor: what one reads wrong shows wherever some input is
 MOST_DIGITS = 9  # of the ends of a range
 MUCH = 0.8  # of the limit of a walk
 BLIND = 0.25  # standard deviation of scores, below which most of what a sensor shows is let be
+MANY = 10.0  # times a limit; more is not told in percent
 GROSS = 20.0  # times the limit of an alarm: then what is declared larger is no cure, but the end of all watching
 YEAR = 365.25 * 86400.0  # s
 CLIMBS = {1: "reads more than expected", -1: "reads less than expected", 0: "scatters more than declared"}
@@ -85,9 +89,8 @@ def print_health(console: Console, graph: BondGraph, found: Health, slower: floa
     rows = []
     for item in found.rates:
         score = f"{item.mean:+.2f} ± {item.spread:.2f}".replace("-", MINUS)
-        rows.append(
-            (item.words, score, f"{100 * item.peak:.0f} %", duration_text(item.memory), spacing_text(item.between))
-        )
+        every = "each sample" if item.between <= (graph.sample_time or 0.0) else spacing_text(item.between)
+        rows.append((item.words, score, _times_text(item.peak, "{} %", "{} times"), duration_text(item.memory), every))
     table(console, ("statistic", "score", "peak", "alike for", "false alarm every"), rows)
     title(console, "Where the model is wrong")
     lines(console, where_lines(graph, found) or [("", "nowhere that the detector would mind")])
@@ -102,7 +105,7 @@ def print_health(console: Console, graph: BondGraph, found: Health, slower: floa
     if kinds:
         header = ("times", *(WORDS[kind] for kind in kinds))
         table(console, header, [(f"{x:g}", *(tried[kind, x] for kind in kinds)) for x in FACTORS])
-    lines(console, under("needed", _needed_texts(found)))
+    lines(console, under("needed", list(_needed_texts(found))))
     console.print()
     console.print(Text(health_verdict(graph, found), style="bold green" if found.keeps else "bold yellow"))
 
@@ -117,14 +120,15 @@ def spacing_text(seconds: float) -> str:
 def where_lines(graph: BondGraph, found: Health) -> list[tuple[str, str]]:
     """Say in which regions and at which moments the sensors are off."""
     units = {item.name: item.unit for item in graph.inputs} | {item.name: item.unit for item in graph.sensors}
-    told = under("regions", [_region_text(item, units) for item in found.regions[:MOST_REGIONS]])
-    if len(found.regions) > MOST_REGIONS:
-        told.append(("", f"and {len(found.regions) - MOST_REGIONS} more"))
+    worst = list(islice(_few_of_each(found.regions), MOST_REGIONS))
+    told = under("regions", [_region_text(item, units) for item in worst])
+    if len(found.regions) > len(worst):
+        told.append(("", f"and {len(found.regions) - len(worst)} more"))
     moments = []
     for item in found.moments:
         where = f" of {item.recording}" if len(found.records) > 1 else ""
         reads = f"{item.sensor} {CLIMBS[item.side]}"
-        height = f"{100 * item.height:.0f} % of the way to an alarm"
+        height = _way_text(item.height)
         begin, end = clock_text(item.begin), clock_text(item.end)
         when = begin if begin == end else f"{begin} to {end}"
         moments.append(f"{when}{where}: {reads}, {height}")
@@ -135,6 +139,15 @@ def where_lines(graph: BondGraph, found: Health) -> list[tuple[str, str]]:
         if item.kind == SENSOR and item.memory > 0.0 and item.spread < BLIND
     ]
     return under("blind", blind) + told + under("moments", moments) + under("hints", list(_hints(graph, found)))
+
+
+def _few_of_each(regions: Sequence[Region]) -> Iterator[Region]:
+    """Give the first regions of each sensor, in their order."""
+    seen = Counter[str]()
+    for item in regions:
+        seen[item.sensor] += 1
+        if seen[item.sensor] <= MOST_OF_ONE:
+            yield item
 
 
 def _hints(graph: BondGraph, found: Health) -> Iterator[str]:
@@ -150,12 +163,20 @@ def _hints(graph: BondGraph, found: Health) -> Iterator[str]:
         if early.sensor not in found.mirrored:
             ways = f"a row hold what acted until then (`hold: next` of {early.of}), or is it read a moment later?"
             yield f"{early.sensor} moves in the very row in which {early.of} does: does {ways}"
-    if found.walk > MUCH:
-        far = f"{100 * found.walk:.0f} % of the way to an alarm"
+    if found.walk > MUCH and found.peak <= GROSS:  # of a model that is far off everything walks
         asked = "is it a constant?"
         if any(item.target == found.walker for item in graph.wanders):
             asked = "does it wander farther, or for longer, than declared?"
-        yield f"{found.walker} walks on healthy data, {far}: {asked}"
+        yield f"{found.walker} walks on healthy data, {_way_text(found.walk)}: {asked}"
+
+
+def _way_text(peak: float) -> str:
+    return _times_text(peak, "{} % of the way to an alarm", "{} times as far as to an alarm")
+
+
+def _times_text(peak: float, percent: str, times: str) -> str:
+    """Give how far something is on the way to an alarm: in percent, or as times where that is a long number."""
+    return percent.format(f"{100 * peak:.0f}") if peak < MANY else times.format(f"{peak:.3g}")
 
 
 def _longer(graph: BondGraph, name: str) -> str:
@@ -194,6 +215,11 @@ def _ends(low: float, high: float) -> tuple[str, str]:
 
 
 def _needed_texts(found: Health) -> Iterator[str]:
+    if found.needed and not any(found.needed.values()):
+        kinds = join([WORDS[kind] for kind in found.needed])
+        tried = f"none from {FACTORS[0]:g} to {FACTORS[-1]:g} times is enough by itself"
+        yield f"more than can be declared: of {kinds} {tried}"
+        return
     if found.walk > 1.0:
         yield f"{found.walker}: to move farther than declared, and of the rest"
     for kind, factor in found.needed.items():

@@ -11,6 +11,7 @@ from faultbond.analysis.levenberg_marquardt import fit_lanes
 from faultbond.analysis.sensitivity import Experiment, build_recursion, sensitivities
 from faultbond.analysis.trajectories import Trajectory, lanes_of
 from faultbond.errors import ModelError
+from made import EXAMPLES
 from plants import circuit, example, stated
 
 PARALLEL = circuit(
@@ -38,6 +39,18 @@ def test_the_tank_with_its_valves_at_rest(sets: tuple[list[str], list[str]], val
     )
     assert advice.words.startswith(start)
     assert advice.words.endswith("standard deviations apart instead of 0")
+
+
+@pytest.mark.parametrize(
+    ("ends", "levels"), [("[2 V, 12 V]", {3.0, 5.0, 7.0, 9.0, 11.0}), ("[-inf, 8 V]", {0.0, 2.4, 7.2})]
+)
+def test_no_input_is_moved_beyond_its_range(ends: str, levels: set[float]) -> None:
+    """What an input cannot be is no advice: parts of a range of two ends are tried, of others what is within."""
+    text = (EXAMPLES / "dc_motor" / "model.yaml").read_text(encoding="utf-8")
+    model = stated(text.replace("V: {unit: V", f"V: {{unit: V, range: {ends}", 1))
+    choices = input_advice(model, [["R"], ["K"]]).choices
+    assert choices
+    assert {round(item.level + item.change, 9) for item in choices} <= levels
 
 
 def test_a_group_needs_both_moves() -> None:

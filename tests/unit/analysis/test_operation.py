@@ -10,6 +10,7 @@ from faultbond.analysis.operation import operate, usual_operation, usual_runs
 from faultbond.errors import RecordingError, StructureError
 from faultbond.synthesis.engine import build_engine
 from faultbond.synthesis.specify import build_spec
+from made import EXAMPLES
 from plants import example, stated
 
 
@@ -67,6 +68,13 @@ def test_a_temperature_moves_in_its_own_unit() -> None:
     assert np.ptp(moved) > 0.1
     noisy = reference_levels(example("dc_motor"))
     assert noisy == pytest.approx([30 * 0.16])
+
+
+def test_noise_raises_no_level_that_is_known() -> None:
+    """Three quarters of a range are that, whatever the noise; only a level that nobody states has to rise above it."""
+    text = (EXAMPLES / "dc_motor" / "model.yaml").read_text(encoding="utf-8")
+    ranged = stated(text.replace("V: {unit: V", "V: {unit: V, range: [2 V, 12 V]", 1))
+    assert reference_levels(ranged) == pytest.approx([9.5])
 
 
 def test_the_usual_run_begins_where_the_plant_is_at_rest() -> None:

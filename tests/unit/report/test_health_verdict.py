@@ -66,8 +66,38 @@ def test_only_what_makes_a_difference_has_a_column(mending: frozenset[str]) -> N
     print_health(console, GRAPH, replace(health(peak=9.0), trials=trials))
     told = cast(StringIO, console.file).getvalue()
     assert told.count("alarm  ") == (5 if mending else 0)  # rows of less than three times
-    assert "accuracies of the parameters: none from 0.25 to 20 times is enough by itself" in told
+    alone = "accuracies of the parameters: none from 0.25 to 20 times is enough by itself"
+    of_all = "of accuracies of the parameters and noise of the sensors none from 0.25 to 20 times is enough by itself"
+    assert (alone if mending else f"more than can be declared: {of_all}") in " ".join(told.split())
     assert told.count("accuracies of the parameters") == 1
+
+
+def test_what_is_far_beyond_a_limit_is_told_as_times() -> None:
+    """A percentage of six digits says nothing to anybody, nor does an alarm more often than samples come."""
+    console = Console(file=StringIO(), width=120)
+    print_health(console, GRAPH, health(peak=663.194, between=0.646, walk=37.0))
+    told = cast(StringIO, console.file).getvalue()
+    assert "663 times" in told
+    assert "66319" not in told
+    assert "each sample" in told
+    assert "R walks" not in told  # of what is far off everything does
+    console = Console(file=StringIO(), width=120)
+    print_health(console, GRAPH, health(peak=9.94, between=20.0, walk=1.35))
+    told = cast(StringIO, console.file).getvalue()
+    assert "994 %" in told
+    assert "R walks" in told
+
+
+def test_of_a_sensor_that_is_wrong_everywhere_two_regions_are_told() -> None:
+    """Others that are off less are told, too; what is left out is counted."""
+    regions = tuple(
+        Region(sensor=name, of="V", low=k, high=k + 1.0, after_step=False, samples=99, mean=9.0 - k, spread=1.0)
+        for name, count in (("i", 5), ("j", 3))
+        for k in range(count)
+    )
+    told = [text for _, text in where_lines(WANDERING, replace(health(), regions=regions))]
+    assert [text.split()[0] for text in told] == ["i", "i", "j", "j", "and"]
+    assert told[-1] == "and 4 more"
 
 
 def test_false_alarms_that_were_mended_may_go() -> None:
