@@ -313,7 +313,7 @@ def _inputs(study: _Study, wishes: Wishes, recorded: CapabilityView | None) -> S
         found = tuple(item for item in found if not item.choices or item.choices[0].before < ENOUGH)
     return Section(
         record=analysis.inputs_record(found),
-        show=lambda console: analysis.print_input_advice(console, found, note),
+        show=lambda console: analysis.print_input_advice(console, found, note, alike=bool(groups)),
     )
 
 

@@ -222,7 +222,9 @@ def print_solutions(console: Console, graph: BondGraph, solutions: Sequence[Othe
         words.append(f"{with_noun(odd, 'other pair')} {meet}")
     if twins.left_out:
         were = "was" if twins.left_out == 1 else "were"
-        words.append(f"{with_noun(twins.left_out, 'pair')} of sets {were} not compared; --budget raises the time for that")
+        words.append(
+            f"{with_noun(twins.left_out, 'pair')} of sets {were} not compared; --budget raises the time for that"
+        )
     lines(console, [*items, *under("twins", words)])
 
 
@@ -413,11 +415,12 @@ def inputs_record(found: Sequence[Stimulus]) -> Record:
     return {"input_advice": advice}
 
 
-def print_input_advice(console: Console, found: Sequence[Stimulus], note: str) -> None:
-    """Print which input to move so that sets can be told apart; the note says where they look alike."""
+def print_input_advice(console: Console, found: Sequence[Stimulus], note: str, *, alike: bool) -> None:
+    """Print which input to move so that sets can be told apart; the note says where they look alike, if any do."""
     title(console, "Test inputs", note)
     if not found:
-        lines(console, [("", "what looks alike, if anything does, no move of an input would tell apart")])
+        enough = "what looks alike differs enough in a record as long as a test, so no move of an input is needed"
+        lines(console, [("", enough if alike else "no two suspects look alike, so no move of an input is needed")])
         return
     for item in found:
         named = join([braced(names) for names in item.sets])

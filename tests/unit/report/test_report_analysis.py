@@ -24,6 +24,7 @@ from faultbond.model.text import load_model, parse_model
 from faultbond.report.analysis import (
     StructuralTests,
     heat_lines,
+    print_input_advice,
     print_smallest,
     print_solutions,
     print_structure,
@@ -272,3 +273,13 @@ def test_of_heat_capacities_it_is_told_what_a_smallest_fault_is() -> None:
     by_mass = STORE.replace("q = C1*e", "q = C1*share*e").replace("inputs:", "constants: {share: 0.7}\ninputs:")
     assert [names for names, _ in heat_lines(parse_model(by_mass), ["U", "C1"])] == ["C1"]
     assert heat_lines(load_model(EXAMPLES / "tank" / "model.yaml"), ["K3", "K1"]) == []
+
+
+@pytest.mark.parametrize(
+    ("alike", "told"), [(True, "differs enough in a record"), (False, "no two suspects look alike")]
+)
+def test_where_no_input_is_to_be_moved_it_is_said_why(alike: bool, told: str) -> None:
+    """Either nothing looks alike, or what does so in direction is far enough apart."""
+    text = printed(lambda console: print_input_advice(console, [], "at rest", alike=alike))
+    assert told in text
+    assert "so no move of an input is needed" in text
