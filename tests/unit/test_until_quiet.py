@@ -6,6 +6,7 @@ import os
 import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from math import inf
 from pathlib import Path
@@ -530,6 +531,57 @@ def test_a_slow_error_does_not_stand_for_lags(
 
     _, better = searched(monkeypatch, stand, dict(zip(items, found, strict=True)), together)
     assert {item.what.kind for item in better.added} == kept
+
+
+@pytest.mark.parametrize(("go_together", "asked"), [(5, [5]), (3, [5, 3]), (2, [5, 3, 2]), (1, [5, 3, 2, 1])])
+def test_a_round_keeps_as_many_as_go_together(
+    go_together: int, asked: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of six lags of six places five are kept, if each gains beside the others; else the best of them, three or two."""
+    items = [Imperfection(kind=Kind.LAG, place=name) for name in "uvwxyz"]
+    stand, sizes = Footing(graph=parse_model(MODEL, file="m.yaml"), values={}, starts={}), list[int]()
+    found = [
+        replace(stand, held=held, added=(Added(what=item, trained=held, held=held),))
+        for item, held in zip(items, (500.0, 450.0, 400.0, 350.0, 300.0, 250.0), strict=True)
+    ]
+
+    def together(_: Search, stand: Footing, more: Sequence[Added], **_how: float) -> Footing:
+        sizes.append(len(more))
+        gained = sum(item.held for item in more) if len(more) <= go_together else more[0].held
+        return replace(stand, held=gained, added=tuple(more))
+
+    _, better = searched(monkeypatch, stand, dict(zip(items, found, strict=True)), together)
+    assert [item.what.place for item in better.added] == list("uvwxyz")[:go_together]
+    assert sizes == asked
+
+
+def test_more_than_three_are_kept_where_they_hardly_explain_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No second curve over a signal is among the fourth and fifth, nor what only says how far something is off."""
+    curves = [
+        Imperfection(kind=Kind.CURVE, place=place, bend=Bend(Name(by), by, 1.0, 0.1))
+        for place, by in (("K", "u"), ("L", "u"), ("M", "v"))
+    ]
+    others = [Imperfection(kind=Kind.WANDER, place="W"), Imperfection(kind=Kind.LAG, place="x")]
+    items = [
+        Imperfection(kind=Kind.LAG, place="y"),
+        curves[0],
+        Imperfection(kind=Kind.LAG, place="z"),
+        *curves[1:],
+        *others,
+    ]
+    stand = Footing(graph=parse_model(MODEL, file="m.yaml"), values={}, starts={})
+    found = [
+        replace(stand, held=held, added=(Added(what=item, trained=held, held=held),))
+        for item, held in zip(items, np.linspace(700.0, 400.0, len(items)).tolist(), strict=True)
+    ]
+
+    def together(_: Search, stand: Footing, more: Sequence[Added], **_how: float) -> Footing:
+        return replace(stand, held=sum(item.held for item in more), added=tuple(more))
+
+    monkeypatch.setattr(further, "_without_needless", lambda search, stand, found, more: found)
+    monkeypatch.setattr(further, "gentlest", lambda stand, found: list(found))
+    _, better = searched(monkeypatch, stand, dict(zip(items, found, strict=True)), together)
+    assert [item.what.place for item in better.added] == ["y", "K", "z", "M", "x"]
 
 
 @pytest.mark.parametrize(("both", "kept"), [(700.0, {Kind.WANDER, Kind.LAG}), (601.0, {Kind.WANDER})])
@@ -1682,6 +1734,25 @@ def test_a_short_recording_is_refused(model: Path, tmp_path: Path, capsys: pytes
     recording = write(tmp_path / "a.csv", seed=3, rows=90)
     assert main(["fit", str(model), str(recording), "--until-quiet"]) == NO_VERDICT
     assert "at least 60 are needed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("quick", "enough"), [(True, True), (True, False), (False, True)])
+def test_a_search_takes_steps_in_half_as_many_parts_where_that_is_enough(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, quick: bool, enough: bool
+) -> None:
+    """Of a winding that is quicker than its samples, if that moves little; of one that is slow a step has one part."""
+    model.write_text(MODEL.replace("2.5 H", "0.01 H") if quick else MODEL, encoding="utf-8")
+    given = list[object]()
+
+    def search(_: BondGraph, begun: object, *_rest: object) -> Search:
+        given.append(begun)
+        raise FaultbondError("that is all")
+
+    monkeypatch.setattr(quiet_fit, "Search", search)
+    monkeypatch.setattr(quiet_fit, "is_enough", lambda *_: enough)
+    recordings = [write(tmp_path / f"{k}.csv", seed=k, rows=240) for k in (1, 2)]
+    assert main(["fit", str(model), *map(str, recordings), "--until-quiet", "--starts", "1"]) != DONE
+    assert [isinstance(item, partial) for item in given] == [quick and enough]
 
 
 @pytest.mark.usefixtures("no_sizes")

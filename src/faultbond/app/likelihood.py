@@ -23,8 +23,10 @@ def likelihood_engine(step_model: Any) -> "Likelihood":
     return begun_likelihood(step_model)()
 
 
-def begun_likelihood(step_model: Any) -> "Callable[[], Likelihood]":
+def begun_likelihood(step_model: Any, *, coarse: bool = False) -> "Callable[[], Likelihood]":
     """Begin to build such an engine, and give what waits for it; the errors come then.
+
+    coarse: take a step in half as many parts; whether that is enough to compare models `fit.coarse_step` tells
 
     Raises
     ------
@@ -36,7 +38,7 @@ def begun_likelihood(step_model: Any) -> "Callable[[], Likelihood]":
     from faultbond.synthesis.likelihood_text import likelihood_text  # noqa: PLC0415 - loads casadi
 
     compiler, plant = required_compiler(), step_model.plant
-    text = likelihood_text(build_step_model(plant, all_inputs=True))
+    text = likelihood_text(build_step_model(plant, all_inputs=True), coarse=coarse)
     compiled = in_background(partial(compile_library, text, compiler))
 
     def loaded() -> "Likelihood":

@@ -23,6 +23,7 @@ from faultbond.app.signals import Stopped, last_of
 from faultbond.app.wishes import FitWishes
 from faultbond.errors import FaultbondError
 from faultbond.fit.ascent import Finish
+from faultbond.fit.coarse_step import is_enough
 from faultbond.fit.cure import Cure, cured, strayed
 from faultbond.fit.foothold import Footing, as_found, values_of, with_values
 from faultbond.fit.further import better, held_until
@@ -150,9 +151,9 @@ def _steps(
         warn(told)
     tell("putting the first model on trial")
     now = replace(now, before=on_trial(core, (*records, *records_held), promise, factors=()))
-    search = Search(
-        graph, begun_likelihood, deadline, parameters, wishes.own, (found.records, records_held), (begin, begin_held)
-    )
+    coarse = partial(begun_likelihood, coarse=True)
+    steps = coarse if model.substeps > 1 and is_enough(found, coarse(model)()) else begun_likelihood
+    search = Search(graph, steps, deadline, parameters, wishes.own, (found.records, records_held), (begin, begin_held))
     attempt, now = yield from _searched(search, search.first(found), now, text, graph, read, wishes, deadline)
     now = replace(now, left=tuple(item for item in search.asked if item[1] > 0.0))
     raised: tuple[Resized, ...] = ()

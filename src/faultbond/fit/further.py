@@ -30,7 +30,9 @@ STAGES = 4  # of a lag that is asked for where one of a single stage is likely: 
 PROMISING = 0.15  # of what the best would gain with all else as it stands; what would gain less is not fitted
 WORTHY = 0.1  # of the best gain; what gains as much may be kept with the best
 BESIDE = 0.5  # of what others gain alone they gain beside the best where each has a cause of its own
-MOST_BESIDE = 3  # kept in a round
+MOST_BESIDE = 5  # kept in a round; of more than `FEW_BESIDE` those that hardly explain the same
+FEW_BESIDE = 3
+FEWER = {5: 3, 4: 3, 3: 2}  # tried where so many do not go together
 SURE = 100.0  # nats; of a curve that is worth as much where fitted, what is held back loses more than too little
 
 
@@ -240,7 +242,8 @@ def _joint(search: Search, stand: Footing, best: Footing, others: Sequence[Footi
     chosen = [best]
     for item in others:
         place = item.added[-1].what.place, item.added[-1].what.is_definite
-        if len(chosen) < MOST_BESIDE and place not in places:
+        is_near = len(chosen) >= FEW_BESIDE and not _is_apart(item.added[-1].what, chosen)
+        if len(chosen) < MOST_BESIDE and place not in places and not is_near:
             chosen.append(item)
             places.add(place)
     while len(chosen) > 1:
@@ -252,8 +255,13 @@ def _joint(search: Search, stand: Footing, best: Footing, others: Sequence[Footi
             asked = sum(WORTH if slow and item.what.is_definite else BESIDE * item.held for item in more[1:])
             if found.held - stand.held >= more[0].held + asked:
                 return _without_needless(search, stand, found, more)
-        chosen = chosen[: 2 if len(chosen) > 2 else 0]
+        chosen = chosen[: FEWER.get(len(chosen), 0)]
     return None
+
+
+def _is_apart(what: Imperfection, chosen: Sequence[Footing]) -> bool:
+    """Tell whether something says what happens, and if that goes with a signal, that nothing chosen goes with it."""
+    return what.is_definite and (not what.by or all(item.added[-1].what.by != what.by for item in chosen))
 
 
 def _without_needless(search: Search, stand: Footing, found: Footing, more: Sequence[Added]) -> Footing:

@@ -143,6 +143,20 @@ def likelihood_value(plant: FittedPlant, records: Sequence[HealthyRecording], po
     return value if np.isfinite(value) else -np.inf
 
 
+def innovations_of(
+    plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int
+) -> tuple[FloatArray, FloatArray]:
+    """Give innovations and variances of one recording, (N, n_outputs), SI; 0 and 1 where they do not count."""
+    lanes, found = _begun_alone(plant, point, number), list[tuple[FloatArray, FloatArray]]()
+    with np.errstate(all="ignore"):
+        for first in range(0, len(record.time), BLOCK):
+            part = slice(first, first + BLOCK)
+            lanes, seen = plant.engine.advance(lanes, record.samples[part])
+            found.append(_seen(seen[:, :, 0], record.use[part]))
+    e, s = (np.concatenate(item) for item in zip(*found, strict=True))
+    return e, s
+
+
 def _seen(seen: FloatArray, use: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Give innovations and variances of a block, (n, n_outputs) each; 0 and 1 where they do not count."""
     e, s = np.split(seen, 2, axis=1)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from importlib.resources import files
+from math import ceil
 
 import numpy as np
 
@@ -21,12 +22,13 @@ from faultbond.types import Hold
 _ANYWHERE = 1e3  # times the noise of a sensor: an sd that says nothing of what it reads
 
 
-def likelihood_text(model: StepModel) -> str:
+def likelihood_text(model: StepModel, *, coarse: bool = False) -> str:
     """Give the source of what filters a plant of which all parameters are given.
 
     Parameters
     ----------
     model : the plant in discrete time, with an error of every input
+    coarse : take a step in half as many parts
     """
     joint = _joint_of(model)
     kept = [column for column, place in enumerate(joint) if place >= 0 or _climbs(model, column)]
@@ -39,6 +41,7 @@ def likelihood_text(model: StepModel) -> str:
         (readings, {"value": "lanes", "slopes": "lanes"}),
     )
     sizes = _sizes(model) | {
+        "SUBSTEPS": ceil(model.substeps / 2) if coarse else model.substeps,
         "N_RATE_SLOPES": len(rate_entries),
         "N_READING_SLOPES": len(reading_entries),
         "RATES_ARE_LINEAR": int(linear),
@@ -106,7 +109,6 @@ def _sizes(model: StepModel) -> dict[str, int]:
         "N_HELD_STATES": len(_held_states(model)),
         "N_HELD": 0,  # of the samples of the core, see layout.h
         "N_V": model.v.numel(),
-        "SUBSTEPS": model.substeps,
     }
 
 

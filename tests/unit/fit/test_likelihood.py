@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from faultbond.app.likelihood import likelihood_engine
+from faultbond.app.likelihood import begun_likelihood, likelihood_engine
 from faultbond.arrays import FloatArray
 from faultbond.contract.samples import Sample
 from faultbond.errors import ModelError, RecordingError
@@ -76,6 +76,20 @@ def test_filters_at_once_are_those_of_each_alone() -> None:
         assert np.array_equal(ends[:, k], end[:, 0])
         assert np.array_equal(seen[:, :, k], alone[:, :, 0])
     assert len(np.unique(ends[0])) == 19
+
+
+def test_a_search_takes_a_step_in_half_as_many_parts() -> None:
+    """Of a circuit that is quicker than its samples that changes the likelihood, and by less than a nat."""
+    quick = RC.replace("R: 10 ohm", "R: 1 ohm")
+    plant, records, point = prepared(quick, recording())
+    model = build_model(parse_model(quick))
+    assert model.substeps == 8
+    all_parts, half = (begun_likelihood(model, coarse=coarse)() for coarse in (False, True))
+    fine, same, coarse = (
+        likelihood_value(replace(plant, engine=engine), records, point) for engine in (plant.engine, all_parts, half)
+    )
+    assert fine == same
+    assert 0.0 < abs(coarse - fine) < 1.0
 
 
 def dense_likelihood(points: list[Sample], each: float) -> float:
