@@ -132,10 +132,8 @@ def likelihood_value(plant: FittedPlant, records: Sequence[HealthyRecording], po
     def value_of(record: HealthyRecording, lanes: FloatArray) -> float:
         value = 0.0
         with np.errstate(all="ignore"):
-            for first in range(0, len(record.time), BLOCK):
-                part = slice(first, first + BLOCK)
-                lanes, seen = plant.engine.advance(lanes, record.samples[part])
-                value += _value_of(*_seen(seen[:, :, 0], record.use[part]), record.use[part])
+            for part, seen in _blocks(plant, lanes, record.samples):
+                value += _value_of(*_seen(seen, record.use[part]), record.use[part])
         return value
 
     begun = [(record, _begun_alone(plant, point, r)) for r, record in enumerate(records)]
@@ -147,14 +145,17 @@ def innovations_of(
     plant: FittedPlant, record: HealthyRecording, point: FitPoint, number: int
 ) -> tuple[FloatArray, FloatArray]:
     """Give innovations and variances of one recording, (N, n_outputs), SI; 0 and 1 where they do not count."""
-    lanes, found = _begun_alone(plant, point, number), list[tuple[FloatArray, FloatArray]]()
     with np.errstate(all="ignore"):
-        for first in range(0, len(record.time), BLOCK):
-            part = slice(first, first + BLOCK)
-            lanes, seen = plant.engine.advance(lanes, record.samples[part])
-            found.append(_seen(seen[:, :, 0], record.use[part]))
-    e, s = (np.concatenate(item) for item in zip(*found, strict=True))
-    return e, s
+        blocks = list(_blocks(plant, _begun_alone(plant, point, number), record.samples))
+    return _seen(np.concatenate([seen for _, seen in blocks]), record.use)
+
+
+def _blocks(plant: FittedPlant, lanes: FloatArray, samples: FloatArray) -> Iterator[tuple[slice, FloatArray]]:
+    """Give block by block which samples they are, and what one lane (n_numbers, 1) sees of them."""
+    for first in range(0, len(samples), BLOCK):
+        part = slice(first, first + BLOCK)
+        lanes, seen = plant.engine.advance(lanes, samples[part])
+        yield part, seen[:, :, 0]
 
 
 def _seen(seen: FloatArray, use: BoolArray) -> tuple[FloatArray, FloatArray]:
@@ -190,10 +191,8 @@ def follow_alone(
     if more is not None:
         samples = with_raised(samples, place, more)
     with np.errstate(all="ignore"):
-        for first in range(0, len(samples), BLOCK):
-            part = slice(first, first + BLOCK)
-            lanes, seen = plant.engine.advance(lanes, samples[part])
-            found[part] = samples[part][:, place["y"]] - seen[:, : plant.layout.n_y, 0]
+        for part, seen in _blocks(plant, lanes, samples):
+            found[part] = samples[part][:, place["y"]] - seen[:, : plant.layout.n_y]
     return np.where(record.use, found, np.nan) if asks else found
 
 
