@@ -8,7 +8,7 @@ from math import hypot
 import numpy as np
 
 from faultbond.analysis.smallest import SmallestFault, smallest_faults
-from faultbond.app.engine import build_watcher
+from faultbond.app.engine import build_trial
 from faultbond.app.realisations import compiled_detector
 from faultbond.contract.samples import Sample
 from faultbond.errors import FaultbondError
@@ -65,7 +65,7 @@ def put_on_trial(text: str, fitted: Fitted, read: Recordings, tell: Tell) -> Att
     """Put a model text on trial."""
     tell("putting the model on trial")
     graph = parse_model(text, file=fitted.graph.file)
-    core = build_watcher(graph)
+    core = build_trial(graph)
     records = tuple(healthy_recording(name, points, core) for name, points in read)
     promise = graph.time_between_false_alarms or MONTH
     return Attempt(
@@ -90,7 +90,7 @@ def widened(attempt: Attempt, tell: Tell) -> Attempt:
 
     def strayed_with(times: dict[str, float]) -> dict[str, float]:
         graph = parse_model(widened_text(attempt.text, attempt.graph, times), file=attempt.graph.file)
-        return strayed_on(build_watcher(graph), attempt.records)
+        return strayed_on(build_trial(graph), attempt.records)
 
     strayed = attempt.health.strayed
     while far := {name: part / ROOM for name, part in strayed.items() if part > ROOM}:
@@ -145,7 +145,7 @@ def _with_lasting(
     new = [Added(what=item, trained=0.0, held=0.0) for item, _ in lasting]
     text = amended_text(attempt.text, attempt.graph, new)
     graph = parse_model(text, file=attempt.graph.file)
-    core, replaced = build_watcher(graph), {item.place: before for item, before in lasting}
+    core, replaced = build_trial(graph), {item.place: before for item, before in lasting}
     records = [healthy_recording(item.name, item.points, core) for item in attempt.records]
     noise = [as_noise(item.noise, replaced.get(item.name)) for item in graph.sensors]
     variant = enough(core, records, promise, noise=noise)
@@ -186,7 +186,7 @@ def _lowered(attempt: Attempt, part: float, tell: Tell) -> Attempt | None:
         return None
     tell(f"declaring smaller: {', '.join(item.what for item in lowered)}")
     graph = parse_model(text, file=attempt.graph.file)
-    changes = healthy_changes(build_watcher(graph), attempt.records)
+    changes = healthy_changes(build_trial(graph), attempt.records)
     fitted = replace(attempt.fitted, graph=graph, healthy_changes=changes)
     text, fitted = fitted.with_healthy_changes(text, graph), replace(fitted, graph=attempt.fitted.graph)
     read = [(item.name, item.points) for item in attempt.records]
@@ -254,6 +254,6 @@ def smallest_of_each(plants: Sequence[tuple[BondGraph, Core]], records: Sequence
 def _smallest_in(graph: BondGraph, core: Core, samples: Sequence[Sample] | None) -> Smallest:
     """Give the smallest faults of a plant in a run, by default a usual one, in which it holds all the time."""
     always = without_states(graph) if samples is None else graph
-    core = core if always == graph else build_watcher(always)
+    core = core if always == graph else build_trial(always)
     detector = compiled_detector(core.spec.thresholds)
     return tuple(smallest_faults(build_model(always), core.spec, core, detector, samples, seconds=PATIENCE))

@@ -25,6 +25,19 @@ def build_watcher(graph: BondGraph, identity: Identity | None = None) -> Core:
     return built.core
 
 
+def build_trial(graph: BondGraph) -> Core:
+    """Build the core of a plant that is tried on recordings for moments, in a third of the time.
+
+    Raises
+    ------
+    GenerationError
+        Where there is no C compiler, or it fails.
+    """
+    from faultbond.synthesis.engine import build  # noqa: PLC0415 - loads casadi
+
+    return build(graph, brief=True).core
+
+
 def engine_title() -> str:
     """Say which engine a run would take, without building it."""
     from faultbond.synthesis.compile import NO_COMPILER, compiler_title, find_compiler  # noqa: PLC0415 - only here

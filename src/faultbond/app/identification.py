@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from faultbond.app.disorder import refuse_disorder
-from faultbond.app.engine import build_watcher
+from faultbond.app.engine import build_trial
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.app.model_check import write
 from faultbond.app.presence import silent_of
@@ -209,7 +209,7 @@ def _stages(
 
     parameters = free_parameters(graph, wishes.fixed, wishes.free, wishes.own)
     step_model = build_model(graph)
-    core = build_watcher(graph)
+    core = build_trial(graph)
     likelihood = likelihood_engine(step_model)
     plant, records, begin = build_fit(step_model, likelihood, core, read, parameters, wishes.own)
     prior, doubt, version = Prior(wishes.prior), earlier_doubt(text), core.spec.version
@@ -292,7 +292,7 @@ def tried(
     from faultbond.report.health import health_record, print_health  # noqa: PLC0415 - loads rich
     from faultbond.synthesis.engine import build_model  # noqa: PLC0415 - loads casadi
 
-    core = build_watcher(graph)
+    core = build_trial(graph)
     _doubt_starts(graph, read, warn)
     tell("watching the recordings")
     records = tuple(healthy_recording(name, points, core) for name, points in read)
@@ -306,7 +306,7 @@ def _doubt_starts(graph: BondGraph, read: Sequence[tuple[str, Sequence[Sample]]]
     """Say of which recordings the first readings contradict a stated start."""
     if all(item.start is None for item in graph.components):
         return
-    core = build_watcher(graph)
+    core = build_trial(graph)
     for name, points in read:
         told = start_sentence(graph, name, contradictions(graph, core, points))
         if told:

@@ -23,10 +23,10 @@ def likelihood_engine(step_model: Any) -> "Likelihood":
     return begun_likelihood(step_model)()
 
 
-def begun_likelihood(step_model: Any, *, coarse: bool = False) -> "Callable[[], Likelihood]":
+def begun_likelihood(step_model: Any, fewer: int = 1) -> "Callable[[], Likelihood]":
     """Begin to build such an engine, and give what waits for it; the errors come then.
 
-    coarse: take a step in half as many parts; whether that is enough to compare models `fit.coarse_step` tells
+    fewer: in how many times fewer parts a step is taken; how many do to compare models `fit.coarse_step` tells
 
     Raises
     ------
@@ -38,8 +38,8 @@ def begun_likelihood(step_model: Any, *, coarse: bool = False) -> "Callable[[], 
     from faultbond.synthesis.likelihood_text import likelihood_text  # noqa: PLC0415 - loads casadi
 
     compiler, plant = required_compiler(), step_model.plant
-    text = likelihood_text(build_step_model(plant, all_inputs=True), coarse=coarse)
-    compiled = in_background(partial(compile_library, text, compiler))
+    text = likelihood_text(build_step_model(plant, all_inputs=True), fewer=fewer)
+    compiled = in_background(partial(compile_library, text, compiler, brief=True))
 
     def loaded() -> "Likelihood":
         with loadable([compiled()]) as (path,):

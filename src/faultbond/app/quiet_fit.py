@@ -1,6 +1,6 @@
 """`fit --until-quiet`: what a model leaves out is added until healthy recordings are as quiet as promised."""
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -17,25 +17,27 @@ from faultbond.app.attempt import (
     smallest_of_each,
 )
 from faultbond.app.deadline import Deadline
-from faultbond.app.engine import build_watcher
+from faultbond.app.engine import build_trial
 from faultbond.app.likelihood import begun_likelihood, likelihood_engine
 from faultbond.app.signals import Stopped, last_of
 from faultbond.app.wishes import FitWishes
+from faultbond.equations.step import StepModel
 from faultbond.errors import FaultbondError
 from faultbond.fit.ascent import Finish
-from faultbond.fit.coarse_step import is_enough
+from faultbond.fit.coarse_step import as_declared, coarsest
 from faultbond.fit.cure import Cure, cured, strayed
-from faultbond.fit.foothold import Footing, as_found, values_of, with_values
+from faultbond.fit.foothold import Footing, as_found, begun_as_found, values_of, with_values
 from faultbond.fit.further import better, held_until
 from faultbond.fit.ground import COARSE
 from faultbond.fit.healthy_changes import healthy_changes
 from faultbond.fit.held_back import Recordings, parted
 from faultbond.fit.identification import Fit, Halted, Prior, fit_plant
 from faultbond.fit.lags import of_an_input
+from faultbond.fit.objective import FitPoint, FittedPlant
 from faultbond.fit.offset import centred
 from faultbond.fit.quiet_search import ROUNDS, Search, Tell
-from faultbond.fit.samples import healthy_recording
-from faultbond.fit.session import build_fit, free_parameters
+from faultbond.fit.samples import HealthyRecording, healthy_recording
+from faultbond.fit.session import begin_at, build_fit, free_parameters, likelier_begin
 from faultbond.fit.trial import MONTH, ROOM, alarms_of, on_trial, stays_below
 from faultbond.model.amend import amended
 from faultbond.model.graph import BondGraph
@@ -99,7 +101,7 @@ def _by_then(now: Quieted, stated: BondGraph, read: Recordings) -> Quieted:
 
 def alarms_with(text: str, file: str, read: Recordings) -> dict[str, float]:
     """Give when the detector alarms on healthy recordings, s, by their names, with the text of a model."""
-    core = build_watcher(parse_model(text, file=file))
+    core = build_trial(parse_model(text, file=file))
     return alarms_of(core, [healthy_recording(name, points, core) for name, points in read])
 
 
@@ -113,7 +115,7 @@ def _steps(
     promise = graph.time_between_false_alarms or MONTH
     fitted, held = parted(read, LEAST)
     tell("building the engine")
-    core, model = build_watcher(graph), build_model(graph)
+    core, model = build_trial(graph), build_model(graph)
     likelihood = likelihood_engine(model)
     parameters = free_parameters(graph, wishes.fixed, wishes.free, wishes.own)
     plant, records, begin = build_fit(model, likelihood, core, fitted, parameters, wishes.own)
@@ -125,18 +127,16 @@ def _steps(
         return Quieted(fitted=fitted, text=fitted.model_text(text), held=names, stated=stated, promise=promise)
 
     started = monotonic()
+    fit = partial(
+        fit_plant,
+        prior=Prior(wishes.prior),
+        agreeing=AGREEING,
+        finish=Finish(SETTLED, COARSE, partial(deadline.has, FIRST)),
+        seed=wishes.seed,
+        tell=tell,
+    )
     try:
-        found = fit_plant(
-            plant,
-            records,
-            begin,
-            prior=Prior(wishes.prior),
-            starts=wishes.starts,
-            agreeing=AGREEING,
-            finish=Finish(SETTLED, COARSE, partial(deadline.has, FIRST)),
-            seed=wishes.seed,
-            tell=tell,
-        )
+        found, fewer = _fitted_first(plant, records, begin, model, wishes.starts, fit)
     except Halted as halted:
         yield _known(first(halted.fit()))
         raise
@@ -151,9 +151,8 @@ def _steps(
         warn(told)
     tell("putting the first model on trial")
     now = replace(now, before=on_trial(core, (*records, *records_held), promise, factors=()))
-    coarse = partial(begun_likelihood, coarse=True)
-    steps = coarse if model.substeps > 1 and is_enough(found, coarse(model)()) else begun_likelihood
-    search = Search(graph, steps, deadline, parameters, wishes.own, (found.records, records_held), (begin, begin_held))
+    recorded = (found.records, records_held), (begin, begin_held)
+    search = Search(graph, begun_likelihood, fewer, deadline, parameters, wishes.own, *recorded)
     attempt, now = yield from _searched(search, search.first(found), now, text, graph, read, wishes, deadline)
     now = replace(now, left=tuple(item for item in search.asked if item[1] > 0.0))
     raised: tuple[Resized, ...] = ()
@@ -169,6 +168,29 @@ def _steps(
     tell("working out the smallest faults before and after")
     before, after = smallest_of_each([(graph, core), (attempt.graph, attempt.core)], attempt.records)
     yield _known(replace(now, smallest_before=before, smallest_after=after))
+
+
+def _fitted_first(
+    plant: FittedPlant,
+    records: Sequence[HealthyRecording],
+    begin: FitPoint,
+    model: StepModel,
+    starts: int,
+    fit: Callable[..., Fit],
+) -> tuple[Fit, int]:
+    """Fit a plant as it stands, and tell in how many times fewer parts a search may take its steps from there.
+
+    The fit takes as few itself where they are enough where it begins; where they are not where it has led, it goes on
+    in all.
+    """
+    fewer = coarsest(plant, records, begin, model, begun_likelihood)
+    rough = replace(plant, engine=begun_likelihood(model, fewer)()) if fewer > 1 else plant
+    found = fit(rough, records, begin, starts=starts)
+    fine = replace(found.plant, engine=plant.engine)
+    enough = coarsest(fine, found.records, as_declared(found), model, begun_likelihood)
+    if enough < fewer:
+        found = fit(plant, records, replace(begin, values=found.summit.point.values), starts=1)
+    return found, enough
 
 
 def forecast(first: float, within: float) -> str:
@@ -250,6 +272,7 @@ def _searched(
         deadline(f"added: {_added_words(stand, better)}")
         settled = partial(_settled, search, better)
         stand, tried = deadline.in_time(SEARCH, settled) or better, None
+        stand = deadline.in_time(SEARCH, partial(search.coarsened, stand)) or stand
         now = replace(now, added=stand.added, rounds=rounds + 1)
         yield partial(_as_it_stands, stand, now, text, graph, prior)
     now = replace(now, out_of_time=rounds < ROUNDS and not deadline.has(SEARCH))
@@ -333,7 +356,7 @@ def _cured(search: Search, stand: Footing, asked: dict[str, float], *, again: bo
 def _seems_quiet(stand: Footing, read: Recordings, tell: Tell) -> bool:
     """Tell whether the recordings would be quiet with everything as it stands, which costs less than to try."""
     tell("asking whether that is quiet")
-    core = build_watcher(as_found(stand))
+    core = build_trial(as_found(stand))
     records = [healthy_recording(name, points, core) for name, points in reversed(read)]  # first what was held back
     return stays_below(core, records, ROOM)
 
@@ -356,12 +379,15 @@ def _attempt(
     deadline(what)
     with_added = amended_text(text, graph, stand.added)
     first = parse_model(with_added, file=graph.file)
-    core, model = build_watcher(first), build_model(first)
+    core, model = build_trial(first), build_model(first)
     free = None if wishes.free is None else (*wishes.free, *sorted(_further(first, graph)))
     parameters = free_parameters(first, wishes.fixed, free, wishes.own)
-    found_core = build_watcher(with_values(first, stand.values))  # by which first samples show what nobody measures
+    found_core = build_trial(with_values(first, stand.values))  # by which first samples show what nobody measures
     plant, records, begin = build_fit(model, likelihood_engine(model), found_core, read, parameters, wishes.own)
     begin = replace(begin, values=values_of(plant, first, stand))
+    own = (item.name for _, item in parameters if item.name in wishes.own)
+    columns = (*(model.states[k] for k in plant.free), *own)
+    begin = likelier_begin(plant, records, begin, begun_as_found(begin_at(plant, records, core), columns, stand))
     found = fit_plant(
         plant,
         records,

@@ -77,23 +77,29 @@ static void advance_wide(double (*group)[GROUP], const double *sample, const Nor
     }
 }
 
-/* Take one sample into one plain lane; innovations: [2 * N_OUTPUTS], as above. */
-static void advance_one(double *lane, const double *sample, const Normal *normal, double *innovations, Filter_plain *work)
+/* Take one sample into one plain lane whose parameters stay; innovations: [2 * N_OUTPUTS], as above. */
+static void step_one(double *lane, const double *sample, double *innovations, Filter_plain *work)
 {
-    const int moving = drifts(normal);
 #ifdef FB_ONE_IS_APART
     double unused[2 * N_OUTPUTS];
-    for (int64_t i = 0; moving && i < PLAIN_NUMBERS; i++) work->lane[i] = broadcast(lane[i]);
-    if (moving) drift_on(normal, sample[SAMPLE_DT], work->lane, PLAIN_JOINT);
-    for (int64_t i = 0; moving && i < PLAIN_NUMBERS; i++) lane[i] = first_of(work->lane[i]);
     filter_step_one(lane, sample, innovations ? innovations : unused, work->one);
 #else
     for (int64_t i = 0; i < PLAIN_NUMBERS; i++) work->lane[i] = broadcast(lane[i]);
-    if (moving) drift_on(normal, sample[SAMPLE_DT], work->lane, PLAIN_JOINT);
     filter_step_plain(work->lane, sample, work->innovations, work);
     for (int64_t i = 0; i < PLAIN_NUMBERS; i++) lane[i] = first_of(work->lane[i]);
     for (int64_t i = 0; innovations && i < 2 * N_OUTPUTS; i++) innovations[i] = first_of(work->innovations[i]);
 #endif
+}
+
+/* The same of one whose parameters may drift. */
+static void advance_one(double *lane, const double *sample, const Normal *normal, double *innovations, Filter_plain *work)
+{
+    if (drifts(normal)) {
+        for (int64_t i = 0; i < PLAIN_NUMBERS; i++) work->lane[i] = broadcast(lane[i]);
+        drift_on(normal, sample[SAMPLE_DT], work->lane, PLAIN_JOINT);
+        for (int64_t i = 0; i < PLAIN_NUMBERS; i++) lane[i] = first_of(work->lane[i]);
+    }
+    step_one(lane, sample, innovations, work);
 }
 
 #endif

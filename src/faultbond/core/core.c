@@ -214,6 +214,17 @@ void fb_advance_wide(int64_t n_lanes, int64_t n_samples, const double *samples, 
     filter_lanes_wide(n_lanes, n_samples, samples, numbers, innovations, 0, &((Work *)memory)->filters.wide);
 }
 
+void fb_course(int64_t n_samples, const double *samples, double *lane, int64_t first, int64_t count, double *numbers,
+               double *innovations, void *memory)
+{
+    Filter_plain *filter = &((Work *)memory)->filters.plain;
+    prepare_filters(&((Work *)memory)->filters);
+    for (int64_t t = 0; t < n_samples; t++) {
+        step_one(lane, samples + t * N_SAMPLE, innovations + t * 2 * N_OUTPUTS, filter);
+        for (int64_t i = 0; i < count; i++) numbers[t * count + i] = lane[first + i];
+    }
+}
+
 void fb_follow(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations, void *memory)
 {
     filter_lanes_plain(n_lanes, n_samples, samples, numbers, innovations, 1, &((Work *)memory)->filters.plain);

@@ -92,6 +92,11 @@ void fb_advance_plain(int64_t n_lanes, int64_t n_samples, const double *samples,
 void fb_advance_wide(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations,
                      void *work);
 
+/* The same for one plain lane, lane: [PLAIN_NUMBERS], in half the time; innovations: [n_samples][2 N_OUTPUTS]. numbers: `count`
+   numbers of it from the `first` after each sample, [n_samples][count]. */
+void fb_course(int64_t n_samples, const double *samples, double *lane, int64_t first, int64_t count, double *numbers,
+               double *innovations, void *work);
+
 /* Plain lanes as plants that nobody watches: what samples bring to act on them moves their states and signals, and no reading
    is taken in: innovations are readings less what the plants give, and variances zero. */
 void fb_follow(int64_t n_lanes, int64_t n_samples, const double *samples, double *numbers, double *innovations, void *work);

@@ -6,6 +6,7 @@ Levenberg 1944, Marquardt 1963; Ljung 1999, section 10.2.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -16,13 +17,14 @@ from faultbond.fit.objective import (
     FitPoint,
     FittedPlant,
     evaluate_likelihood,
-    likelihood_value,
+    likelihood_values,
     score_recordings,
 )
 from faultbond.fit.samples import HealthyRecording
 
 TURNS = 60  # steps at most
-PATIENCE = 10  # rises of the damping in a row
+RISE, AT_ONCE = 8.0, 8  # by which the damping rises from one step that is tried to the next; as many as one costs
+PATIENCE = 2  # times so many
 SETTLED = 1e-4  # nats that the next step would still bring
 SOFT, STIFF = 1e-2, 1e2  # damping below which a step is nearly Newton's; the largest a step begins with
 POOR, FAIR = 0.25, 0.75  # of the promise kept: the damping rises below, and falls above
@@ -82,6 +84,15 @@ class Summit:
     def gained(self) -> float:
         """Nats since the climb began."""
         return self.posterior - self.course[0] if self.course else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Step:
+    """A step from somewhere: where it leads, and what it would bring if the hill were as it looks from there, nats."""
+
+    damping: float
+    point: FitPoint
+    promise: float
 
 
 def ascend(
@@ -144,7 +155,7 @@ def _straight(
     begun : says where, for who is told of the steps
     """
     heights = [now.posterior]
-    damping, seen, idle, settled = 1e-3, list[tuple[FloatArray, FloatArray]](), 0, 0.0
+    damping, seen, idle, settled, wary = 1e-3, list[tuple[FloatArray, FloatArray]](), 0, 0.0, False
     for turn in range(most):
         behind = _stays_behind(heights, most - turn, rival)
         if not np.isfinite(now.posterior) or idle >= IDLE or behind or not finish.in_time():
@@ -152,27 +163,27 @@ def _straight(
         hill.tell(f"{turn + 1} of at most {most}{begun}, {now.posterior - hill.foot:.0f} nats gained")
         slope, damping, precision = hill.slope(now), min(damping, STIFF), as_bent(now.precision, seen)
         settled = max(settled, finish.least(now.posterior - hill.foot))
-        for attempt in range(PATIENCE):
-            move, promise = hill.move(now, precision, slope, damping)
-            if promise <= settled and damping <= SOFT and not attempt:  # damping also holds what the data hardly fix
-                damping = LEAST_DAMPING
-                move, promise = hill.move(now, precision, slope, damping)
-            if promise <= settled and damping <= SOFT:
-                return replace(now, settled=True, course=tuple(heights))
-            point = hill.moved(now.point, move)
-            if attempt == 0 or hill.height(point) > now.posterior:  # slopes cost several times as much as the height
-                trial = hill.at(point)
-                gain = trial.posterior - now.posterior
-                if gain > 0.0:
-                    break
-            damping *= 8.0
-        else:
+        step = hill.step(now, precision, slope, damping)
+        if step.promise <= settled and damping <= SOFT:  # damping also holds what the data hardly fix
+            step = hill.step(now, precision, slope, LEAST_DAMPING)
+        if step.promise <= settled and step.damping <= SOFT:
+            return replace(now, settled=True, course=tuple(heights))
+        trial = None if wary else hill.at(step.point)
+        if trial is None or not trial.posterior > now.posterior:
+            first = step.damping if trial is None else RISE * step.damping
+            found = _highest(hill, now, precision, slope, first, settled)
+            if found is None:
+                still = first <= SOFT and hill.step(now, precision, slope, SOFT).promise <= settled
+                return replace(now, settled=still, course=tuple(heights))
+            step, trial, wary = found, hill.at(found.point), trial is not None or found.damping > first
+        gain = trial.posterior - now.posterior
+        if not gain > 0.0:
             break
-        kept = gain / max(promise, 1e-300)
+        damping, kept = step.damping, gain / max(step.promise, 1e-300)
         if kept < POOR:
             damping *= 4.0
         elif kept > FAIR:
-            damping = max(damping / 8.0, LEAST_DAMPING)
+            damping = max(damping / RISE, LEAST_DAMPING)
         idle = idle + 1 if gain < settled else 0
         moved, after = hill.away(trial.point) - hill.away(now.point), hill.slope(trial)
         parabola = abs(0.5 * float(moved @ (slope + after)) - gain) <= BENT * gain
@@ -180,6 +191,25 @@ def _straight(
         now = trial
         heights.append(now.posterior)
     return replace(now, settled=False, course=tuple(heights))
+
+
+def _highest(
+    hill: "_Hill", now: Summit, precision: FloatArray, slope: FloatArray, damping: float, settled: float
+) -> _Step | None:
+    """Give which of many steps leads highest, from one with so much damping on; None: none leads higher.
+
+    Slopes cost several times as much as a height, and the heights of AT_ONCE steps as much as that of one.
+    """
+    for _ in range(PATIENCE):
+        tried = [hill.step(now, precision, slope, damping * RISE**k) for k in range(AT_ONCE)]
+        steps = [*takewhile(lambda step: step.promise > settled or step.damping > SOFT, tried)]
+        if not steps:
+            return None
+        heights = hill.heights([item.point for item in steps])
+        if heights.max() > now.posterior:
+            return steps[int(np.argmax(heights))]
+        damping *= RISE**AT_ONCE
+    return None
 
 
 def _stays_behind(heights: Sequence[float], left: int, rival: Summit | None) -> bool:
@@ -229,11 +259,10 @@ class _Hill:
         starts = ((point.starts - self.anchor) / point.sizes).ravel()
         return np.concatenate([point.values - self.plant.unknowns.nominal, starts])
 
-    def height(self, point: FitPoint) -> float:
-        """Give the posterior alone."""
-        return likelihood_value(self.plant, self.records, point) - 0.5 * float(
-            np.sum(self.weight * self.away(point) ** 2)
-        )
+    def heights(self, points: Sequence[FitPoint]) -> FloatArray:
+        """Give the posterior alone, (n,)."""
+        off = np.array([np.sum(self.weight * self.away(point) ** 2) for point in points])
+        return likelihood_values(self.plant, self.records, points) - 0.5 * off
 
     def at(self, point: FitPoint) -> Summit:
         self.calls += 1
@@ -249,6 +278,11 @@ class _Hill:
 
     def slope(self, now: Summit) -> FloatArray:
         return now.evaluation.score - self.weight * self.away(now.point)
+
+    def step(self, now: Summit, precision: FloatArray, slope: FloatArray, damping: float) -> _Step:
+        """Give a step with so much damping."""
+        move, promise = self.move(now, precision, slope, damping)
+        return _Step(damping, self.moved(now.point, move), promise)
 
     def move(self, now: Summit, precision: FloatArray, slope: FloatArray, damping: float) -> tuple[FloatArray, float]:
         """Give the step, and what it would bring if the hill were as it looks from here.

@@ -8,7 +8,7 @@ import numpy as np
 from faultbond.arrays import FloatArray
 from faultbond.fit.identification import Fit, Prior
 from faultbond.fit.imperfections import Imperfection, Kind, kind_of
-from faultbond.fit.objective import FittedPlant
+from faultbond.fit.objective import FitPoint, FittedPlant
 from faultbond.fit.outcome import LEAST_ACCURACY
 from faultbond.model.graph import BondGraph
 from faultbond.types import Hold
@@ -132,6 +132,18 @@ def values_of(plant: FittedPlant, graph: BondGraph, stand: Footing) -> FloatArra
     for k, error in enumerate(graph.slow_errors, start=first):
         q[k] = np.log(stand.slow.get((error.target, error.relative), error.sd))
     return np.clip(values_at(plant, q), plant.unknowns.lower, plant.unknowns.upper)
+
+
+def begun_as_found(begin: FitPoint, columns: Sequence[str], stand: Footing) -> FitPoint:
+    """Give where a fit begins with the starts that a search has found for those that it fitted, the first recordings.
+
+    columns : names of the states, and of a recording's own parameters, that are found
+    """
+    starts = begin.starts.copy()
+    for column, name in enumerate(columns):
+        found = stand.starts.get(name, starts[:0, column])
+        starts[: len(found), column] = found
+    return replace(begin, starts=starts)
 
 
 def values_at(plant: FittedPlant, q: FloatArray) -> FloatArray:

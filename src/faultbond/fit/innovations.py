@@ -228,10 +228,8 @@ def _filtered(core: Core, taken: Taken, variant: Variant) -> tuple[FloatArray, F
     known = _declared(core, variant)
     lane = core.healthy_lane(*core.solve_start(rows[: taken.started], known), known)
     sizes = times * spec.slow_sizes
-    if not any(item.alarms for item in spec.slow_errors):  # no need to stop at each sample
-        found = core.advance(lane, rows)[1][:, :, 0]
-    else:
-        errors, found = core.course(lane, rows, spec.slow_slice)
+    _, errors, found = core.course(lane, rows, spec.slow_slice)
+    if any(item.alarms for item in spec.slow_errors):
         slow = errors / sizes
     variance = found[:, n_y : 2 * n_y]
     return np.where(variance > 0.0, found[:, :n_y] / np.sqrt(np.maximum(variance, 1e-300)), LOST), slow
@@ -248,7 +246,7 @@ def _alone(core: Core, taken: Taken, more: FloatArray | None = None) -> FloatArr
         rows = with_raised(rows, place, more)
     known = _declared(core, Variant())
     lane = core.healthy_lane(*core.solve_start(taken.rows[: taken.started], known), known)
-    off = core.advance(lane, rows)[1][:, :n_y, 0]
+    off = core.course(lane, rows)[2][:, :n_y]
     return np.asarray(rows[:, place["y"]] - off)
 
 

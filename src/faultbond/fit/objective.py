@@ -128,17 +128,26 @@ def evaluate_likelihood(plant: FittedPlant, records: Sequence[HealthyRecording],
 
 def likelihood_value(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> float:
     """Give the logarithm of the likelihood of all recordings alone; -inf where the plant has no finite course."""
+    return float(likelihood_values(plant, records, [point])[0])
 
-    def value_of(record: HealthyRecording, lanes: FloatArray) -> float:
-        value = 0.0
+
+def likelihood_values(
+    plant: FittedPlant, records: Sequence[HealthyRecording], points: Sequence[FitPoint]
+) -> FloatArray:
+    """Give the same at several points, (n,); eight cost as much as one, which is a fraction of what slopes do."""
+    q = np.array([plant.unknowns.fill(plant.base, point.values)[0] for point in points])
+    starts = np.array([point.starts for point in points])
+
+    def values_of(record: HealthyRecording, lanes: FloatArray) -> FloatArray:
+        values = np.zeros(len(points))
         with np.errstate(all="ignore"):
             for part, seen in _blocks(plant, lanes, record.samples):
-                value += _value_of(*_seen(seen, record.use[part]), record.use[part])
-        return value
+                values += _values_of(*_seen(seen, record.use[part]), record.use[part])
+        return values
 
-    begun = [(record, _begun_alone(plant, point, r)) for r, record in enumerate(records)]
-    value = sum(side_by_side(lambda item: value_of(*item), begun))
-    return value if np.isfinite(value) else -np.inf
+    begun = [(record, plant.lanes(q, starts[:, r])) for r, record in enumerate(records)]
+    values = np.sum(list(side_by_side(lambda item: values_of(*item), begun)), axis=0)
+    return np.where(np.isfinite(values), values, -np.inf)
 
 
 def innovations_of(
@@ -147,26 +156,28 @@ def innovations_of(
     """Give innovations and variances of one recording, (N, n_outputs), SI; 0 and 1 where they do not count."""
     with np.errstate(all="ignore"):
         blocks = list(_blocks(plant, _begun_alone(plant, point, number), record.samples))
-    return _seen(np.concatenate([seen for _, seen in blocks]), record.use)
+    e, s = _seen(np.concatenate([seen for _, seen in blocks]), record.use)
+    return e[:, :, 0], s[:, :, 0]
 
 
 def _blocks(plant: FittedPlant, lanes: FloatArray, samples: FloatArray) -> Iterator[tuple[slice, FloatArray]]:
-    """Give block by block which samples they are, and what one lane (n_numbers, 1) sees of them."""
+    """Give block by block which samples they are, and what lanes (n_numbers, n) see of them."""
     for first in range(0, len(samples), BLOCK):
         part = slice(first, first + BLOCK)
         lanes, seen = plant.engine.advance(lanes, samples[part])
-        yield part, seen[:, :, 0]
+        yield part, seen
 
 
 def _seen(seen: FloatArray, use: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Give innovations and variances of a block, (n, n_outputs) each; 0 and 1 where they do not count."""
+    """Give innovations and variances of a block, (n, n_outputs, n_lanes) each; 0 and 1 where they do not count."""
     e, s = np.split(seen, 2, axis=1)
-    return np.where(use, e, 0.0), np.where(use, s, 1.0)
+    return np.where(use[:, :, None], e, 0.0), np.where(use[:, :, None], s, 1.0)
 
 
-def _value_of(e: FloatArray, s: FloatArray, use: BoolArray) -> float:
-    """Give what innovations, and their variances, of a block say."""
-    return -0.5 * float(np.where(use, e**2 / s + np.log(s) + LOG_2_PI, 0.0).sum()) if np.all(s > 0.0) else -np.inf
+def _values_of(e: FloatArray, s: FloatArray, use: BoolArray) -> FloatArray:
+    """Give what innovations, and their variances, of a block say, (n_lanes,)."""
+    told = -0.5 * np.where(use[:, :, None], e**2 / s + np.log(s) + LOG_2_PI, 0.0).sum(axis=(0, 1))
+    return np.where(np.all(s > 0.0, axis=(0, 1)), told, -np.inf)
 
 
 def score_recordings(plant: FittedPlant, records: Sequence[HealthyRecording], point: FitPoint) -> tuple[Scored, ...]:
@@ -192,7 +203,7 @@ def follow_alone(
         samples = with_raised(samples, place, more)
     with np.errstate(all="ignore"):
         for part, seen in _blocks(plant, lanes, samples):
-            found[part] = samples[part][:, place["y"]] - seen[:, : plant.layout.n_y]
+            found[part] = samples[part][:, place["y"]] - seen[:, : plant.layout.n_y, 0]
     return np.where(record.use, found, np.nan) if asks else found
 
 
@@ -226,8 +237,9 @@ def _run(plant: FittedPlant, record: HealthyRecording, lanes: FloatArray, moves:
         for part in _parts_of(len(record.time)):
             use = record.use[part]
             lanes, seen = plant.engine.advance(lanes, record.samples[part])
-            e, s = _seen(seen[:, :, 0], use)
-            value += _value_of(e, s, use)
+            first, scatter = _seen(seen[:, :, :1], use)
+            value += float(_values_of(first, scatter, use)[0])
+            e, s = first[:, :, 0], scatter[:, :, 0]
             if not np.isfinite(value):
                 value = -np.inf
                 break

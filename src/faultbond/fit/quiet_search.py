@@ -14,11 +14,12 @@ from dataclasses import replace
 import numpy as np
 
 from faultbond.equations.plant import build_plant
-from faultbond.equations.step import StepModel, build_step_model
+from faultbond.equations.step import build_step_model
 from faultbond.errors import StructureError
+from faultbond.fit.coarse_step import Begin, coarsest
 from faultbond.fit.curves import likeliest_curves, movers_of, possible_curves
 from faultbond.fit.delays import in_a_loop
-from faultbond.fit.evidence import foretold, joint_courses, likelihoods
+from faultbond.fit.evidence import all_known, foretold, joint_courses, likelihoods
 from faultbond.fit.foothold import Added, Footing, in_time, keys_of, with_noise, with_orders
 from faultbond.fit.ground import LEAST_LAG, Ground
 from faultbond.fit.identification import FEW_WILD, WILD, Fit
@@ -37,7 +38,7 @@ from faultbond.fit.imperfections import (
     without_lag,
     without_slow_error,
 )
-from faultbond.fit.likelihood import Likelihood, known_starts
+from faultbond.fit.likelihood import known_starts
 from faultbond.fit.objective import FitPoint
 from faultbond.fit.samples import HealthyRecording
 from faultbond.model.expression import Expression, Name
@@ -66,7 +67,6 @@ LEAST_LAST = 0.1  # of the samples that compare; a shorter part of a recording t
 FEW_SAMPLES = 8000  # of the recordings with which imperfections are compared; what is kept is fitted to all
 
 Tell = Callable[[str], None]
-Build = Callable[[StepModel], Callable[[], Likelihood]]  # begins to build what runs filters; gives what waits for it
 
 
 class Search:
@@ -75,7 +75,8 @@ class Search:
     def __init__(
         self,
         graph: BondGraph,
-        build: Build,
+        build: Begin,
+        fewer: int,
         tell: Tell,
         parameters: tuple[tuple[int, Parameter], ...],
         own: tuple[str, ...],
@@ -83,6 +84,7 @@ class Search:
         begins: tuple[FitPoint, FitPoint],
     ) -> None:
         self.graph, self.build, self.tell = graph, build, tell
+        self.fewer = fewer  # in how many times fewer parts steps are taken
         self.parameters, self.own = parameters, own
         self.trained, self.held = records
         self.begin, self.begin_held = begins
@@ -120,7 +122,7 @@ class Search:
     def ground(self, graph: BondGraph) -> Ground:
         """Give a plant as the likelihood takes it."""
         model = build_step_model(build_plant(graph))
-        return Ground(self, graph, model, self.build(model))
+        return Ground(self, graph, model, self.build(model, self.fewer))
 
     def first(self, found: Fit) -> Footing:
         """Give where a fit of the plant as it stands leads."""
@@ -143,6 +145,23 @@ class Search:
         far = [np.abs(item.standardised) > WILD for item in seen]
         if sum(int(item.sum()) for item in far) <= FEW_WILD * sum(item.readings for item in self.held):
             self.held = tuple(item.without(wild) for item, wild in zip(self.held, far, strict=True))
+
+    def coarsened(self, stand: Footing) -> Footing:
+        """Take steps in fewer parts from now on if that is enough where it stands; give that footing as it is then.
+
+        What was added may have led away from where it was not, as from a place where flows turn round.
+        """
+        ground = self.ground(stand.graph)
+        q, noise = ground.q_of(stand), [item.noise for item in self.graph.sensors]
+        q[ground.layout.first_noise : ground.layout.first_noise + ground.layout.n_y] = np.log(noise)
+        plant = all_known(ground.plant(q), q)
+        point = ground.point_of(plant, q, stand, self.trained)
+        fewer = coarsest(plant, self.trained, point, ground.model, self.build, self.fewer)
+        if fewer == self.fewer:
+            return stand
+        self.fewer = fewer
+        self.all = self._with_all(stand.graph)
+        return self.ground(stand.graph).climbed(stand)
 
     def at_rest(self, stand: Footing) -> Footing:
         """Give where it leads to climb on from a footing to which a climb has led that had not come to rest.
@@ -204,9 +223,20 @@ class Search:
         return spent
 
     def ground_with(self, stand: Footing, more: Sequence[Imperfection]) -> Ground:
-        """Give a plant that may have further imperfections."""
+        """Give a plant that may have further imperfections.
+
+        Raises
+        ------
+        StructureError
+            Where the equations cannot be solved in an order, or another state comes in place of one, of whose start
+            nothing is known: a mass that goes with a load is followed by its momentum, and once that lags by its speed.
+        """
         opened = tuple(_opened(item, LAG_GRID * self.step) for item in more)
-        return self.ground(with_imperfections(stand.graph, opened))
+        ground = self.ground(with_imperfections(stand.graph, opened))
+        lagging = {item.name for item in ground.model.plant.network.states if item.lag}
+        if others := set(ground.columns) - set(self.columns) - lagging:
+            raise StructureError(f"{stand.graph.name}: no start is known of {', '.join(sorted(others))}")
+        return ground
 
     def profile(self, stand: Footing) -> list[tuple[Imperfection, float]]:
         """Give what each imperfection would gain at its best size with all else as it stands, the best first."""

@@ -20,8 +20,10 @@ MONTH = 30.0 * 86400.0  # s
 WIDER = (1.5, 2.0, 3.0)  # times the accuracies that are tried alone
 WIDEST = WIDER[-1]  # times as large; a parameter that needs more is no constant
 LOOSEST = 10.0  # and of one that is no suspect
-RISE, MOST_RISES = 1.25, 40  # by which noise or slow errors rise, and how often
-FAR, LEAP = 4.0, RISE**3  # times the limit, beyond which they rise by so much at once: less is not enough there
+RISE = 1.25  # by which noise or slow errors rise at least,
+LEAP = RISE**3  # and at most, at once: where a sensor scatters twice as much as declared sums climb without end
+MOST_RISES = 40
+NEAR = 0.2  # of how far the worst statistic is beyond its limit; noise of sensors that are so far rises with it
 LARGEST, LOUDEST = 5.0, 20.0  # times a slow error, and a noise; one that must be larger is none
 LASTING = 20.0  # samples; a slow error of a sensor that is shorter is much like its noise
 KINDS = ("accuracy", "noise", "slow")
@@ -212,8 +214,10 @@ def enough(
     least.
 
     First accuracies alone, which cost little, since parameters are learned; then, with accuracies as they are, step by
-    step what alarms most often: a slow error, or of a sensor its noise or its own slow error, whichever helps more. No
-    slow error more than LARGEST times, since a plant that may do anything is quiet and deaf, nor noise LOUDEST times.
+    step what alarms most often: a slow error, or of a sensor its noise, with that of others that are far beyond their
+    limits, or its own slow error, whichever helps more. A step goes half of the way at most, as ratios, since a sum
+    falls faster than noise rises. No slow error more than LARGEST times, since a plant that may do anything is quiet
+    and deaf, nor noise LOUDEST times.
     """
     step, taken = _step(records), take_recordings(core, records)
 
@@ -234,20 +238,23 @@ def enough(
             return now
         # First what comes too near to its limit, then what alarms most often.
         worst = min(range(len(found)), key=lambda k: (found[k].peak <= most, found[k].between, -found[k].peak))
-        rise = LEAP if found[worst].peak > FAR * most else RISE
-        tried = [(larger, rates(larger)) for larger in _larger(core.spec, now, worst, step, rise)]
+        far = np.array([item.peak / most for item in found])
+        rises = np.where(far > max(1.0, NEAR * far[worst]), np.clip(np.sqrt(far), RISE, LEAP), 1.0)
+        rises[worst] = max(rises[worst], RISE)
+        tried = [(larger, rates(larger)) for larger in _larger(core.spec, now, worst, step, rises)]
         if not tried:
             return None
-        now, found = min(tried, key=lambda one: missing(one[1]))
+        now, found = min(tried, key=lambda one: (missing(one[1]), max(item.peak for item in one[1])))
     return None
 
 
-def _larger(spec: EngineSpec, now: Variant, worst: int, step: float, rise: float) -> list[Variant]:
-    """Give what may be declared larger by so much, of all and with it, where statistic number `worst` is too large.
+def _larger(spec: EngineSpec, now: Variant, worst: int, step: float, rises: FloatArray) -> list[Variant]:
+    """Give what may be declared larger where statistic number `worst` is too large, by so much of each, `rises` (n,).
 
     What goes with moves of an input has sizes of its own for these, so that stays.
     """
-    noise, slow = np.array(now.noise), np.array(now.slow)
+    noise, slow, rise = np.array(now.noise), np.array(now.slow), rises[worst]
+    louder = noise * rises[: len(noise)]
     if worst < len(noise):
         own = [
             k
@@ -256,16 +263,13 @@ def _larger(spec: EngineSpec, now: Variant, worst: int, step: float, rise: float
         ]
     else:
         own = [[k for k, item in enumerate(spec.slow_errors) if item.alarms][worst - len(noise)]]
-    louder = [worst] if worst < len(noise) and noise[worst] * rise <= LOUDEST else []
+    may_be_louder = worst < len(noise) and louder[worst] <= LOUDEST
+    noises = [np.where(louder <= LOUDEST, louder, noise)] if may_be_louder else []
+    slows = [np.where(np.arange(len(slow)) == k, rise, 1.0) * slow for k in own]
     return [
-        *(replace(now, noise=_risen(noise, j, rise)) for j in louder),
-        *(replace(now, slow=_risen(slow, k, rise)) for k in own if slow[k] * rise <= LARGEST),
+        *(replace(now, noise=tuple(sizes.tolist())) for sizes in noises),
+        *(replace(now, slow=tuple(sizes.tolist())) for sizes in slows if sizes.max() <= LARGEST),
     ]
-
-
-def _risen(sizes: FloatArray, k: int, rise: float) -> tuple[float, ...]:
-    """Give sizes (n,) of which number k is so many times as large."""
-    return tuple((np.where(np.arange(len(sizes)) == k, rise, 1.0) * sizes).tolist())
 
 
 def _step(records: Sequence[HealthyRecording]) -> float:

@@ -21,6 +21,7 @@ from faultbond.types import CheckKind, FaultKind
 
 LANES = 8  # of a call, or some times as many: all widths of a compiled core divide it
 _LINE = 64  # bytes of a cache line, at which memory for a core begins
+_NOWHERE = slice(0, 0)  # no numbers
 _INT, _REAL = "<i8", "<f8"
 
 Memory = NDArray[np.uint8]
@@ -216,6 +217,9 @@ class Core:
 
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Filter all lanes (n_numbers, n_lanes) over a block of samples (n_samples, n_sample); see `Engine.advance`."""
+        if lanes.shape[1] == 1 and not self.wide:
+            lane, _, told = self.course(lanes, samples)
+            return lane, told[:, :, None]
         call = self.library.fb_advance_wide if self.wide else self.library.fb_advance_plain
         return self._through(call, lanes, samples)
 
@@ -244,23 +248,23 @@ class Core:
         call(numbers.shape[1], len(rows), at(rows), at(numbers), at(told), at(self.work))
         return np.ascontiguousarray(numbers[:, :n]), told[:, :, :n]
 
-    def course(self, lane: FloatArray, samples: FloatArray, place: slice) -> tuple[FloatArray, FloatArray]:
-        """Filter a lane (n_numbers, 1) and give some of its numbers after each sample, besides its innovations.
+    def course(
+        self, lane: FloatArray, samples: FloatArray, place: slice = _NOWHERE
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Filter one lane (n_numbers, 1) without a slot, and give some of its numbers after each sample.
 
         Returns
         -------
+        lane : float array, shape (n_numbers, 1); after all samples
         numbers : float array, shape (n_samples, n); those of the `place`
         innovations : float array, shape (n_samples, 2 * n_outputs)
         """
-        rows, n_y = np.ascontiguousarray(samples, dtype=np.float64), len(self.spec.outputs)
-        numbers, innovations = np.repeat(lane, LANES, axis=1), np.empty((len(rows), 2 * n_y, LANES))
-        found = np.empty((len(rows), place.stop - place.start))
-        call = self.library.fb_advance_wide if self.wide else self.library.fb_advance_plain
-        row, now, told, work = at(rows), at(numbers), at(innovations), at(self.work)
-        for t in range(len(rows)):
-            call(LANES, 1, row + t * rows.strides[0], now, told + t * innovations.strides[0], work)
-            found[t] = numbers[place, 0]
-        return found, innovations[:, :, 0]
+        rows, numbers = np.ascontiguousarray(samples, dtype=np.float64), lane.copy()
+        found, told = np.empty((len(rows), place.stop - place.start)), np.empty((len(rows), 2 * len(self.spec.outputs)))
+        self.library.fb_course(
+            len(rows), at(rows), at(numbers), place.start, found.shape[1], at(found), at(told), at(self.work)
+        )
+        return numbers, found, told
 
 
 def padded(lanes: FloatArray) -> FloatArray:
@@ -312,6 +316,7 @@ _CALLS: dict[str, tuple[Any, tuple[Any, ...]]] = {  # result and arguments
     "fb_advance_plain": (None, (_LONG, _LONG, *[_POINTER] * 4)),
     "fb_advance_wide": (None, (_LONG, _LONG, *[_POINTER] * 4)),
     "fb_follow": (None, (_LONG, _LONG, *[_POINTER] * 4)),
+    "fb_course": (None, (_LONG, _POINTER, _POINTER, _LONG, _LONG, *[_POINTER] * 3)),
 }
 _FLEET_CALLS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "fb_fleet_size": (_LONG, (_LONG,)),

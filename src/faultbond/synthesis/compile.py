@@ -48,7 +48,7 @@ SHARED = (
     "-fno-trapping-math",
     "-w",
 )
-# All in a third of the time; what runs seldom is most of the text, and is not optimised at all.
+# All in a third of the time, for what runs for moments: most of the text runs seldom, and is not optimised at all.
 HASTY = {WARM: ("-O1",), FAST: ("-O1", TIDY), QUICK: ("-O0",)}
 FLEETS = "#define FB_FLEETS\n"
 CORE = files("faultbond").joinpath("core")
@@ -126,8 +126,15 @@ def compiler_version(compiler: tuple[str, ...]) -> str:
     return next(iter(done.stdout.strip().splitlines()), "") if done.returncode == 0 else ""
 
 
-def compile_core(model: str, compiler: tuple[str, ...], *, fleets: bool = False) -> Library:
-    """Give the core of a model, `model.h`, compiling it if the cache does not hold it; perhaps with what fleets need.
+def compile_core(model: str, compiler: tuple[str, ...], *, fleets: bool = False, brief: bool = False) -> Library:
+    """Give the core of a model, `model.h`, compiling it if the cache does not hold it.
+
+    Parameters
+    ----------
+    model : the text
+    compiler : command of the compiler
+    fleets : with what fleets need
+    brief : in a third of the time; it gives the same numbers, more slowly
 
     Raises
     ------
@@ -139,26 +146,29 @@ def compile_core(model: str, compiler: tuple[str, ...], *, fleets: bool = False)
     files = tuple(item.read_text(encoding="utf-8") for item in sorted(CORE.iterdir(), key=lambda item: item.name))
     shape, filters = shape_of(model), filters_of(model)
     rest = f'{FLEETS if fleets else ""}#define FB_APART\n#include "core.c"\n'
+    fast, quick = _options(FAST, brief=brief), _options(QUICK, brief=brief)
     parts = {  # most of the text, which models share that differ in numbers, more or fewer of them
-        "rest": (shape, rest, QUICK),
-        "bank": (filters, '#include "filters.c"\n', FAST),
-        "lane": (filters, '#include "one.c"\n', FAST),
+        "rest": (shape, rest, quick),
+        "bank": (filters, '#include "filters.c"\n', fast),
+        "lane": (filters, '#include "one.c"\n', fast),
     }
     if fleets:
-        parts |= {"assets": (filters, '#include "fleet.c"\n', FAST), "parts": ("", '#include "threads.c"\n', QUICK)}
+        parts |= {"assets": (filters, '#include "fleet.c"\n', fast), "parts": ("", '#include "threads.c"\n', quick)}
 
     def compiled(name: str) -> bytes:
-        header, text, level = parts[name]
-        build = partial(_compile_text, header, text, level)
-        return _kept((name, header, text, *files), compiler, build).content
+        header, text, options = parts[name]
+        build = partial(_compile_text, header, text, options)
+        return _kept((name, header, text, *files, *options), compiler, build).content
 
     others = {name: partial(compiled, name) for name in parts}
-    texts = (model, *(text for _, text, _ in parts.values()), *files)
-    return _kept(texts, compiler, partial(_compile, {"tables": (tables_of(model), QUICK)}, others=others))
+    texts = (model, *(text for _, text, _ in parts.values()), *files, *fast)
+    return _kept(texts, compiler, partial(_compile, {"tables": (tables_of(model), quick)}, others=others))
 
 
-def compile_library(source: str, compiler: tuple[str, ...]) -> Library:
+def compile_library(source: str, compiler: tuple[str, ...], *, brief: bool = False) -> Library:
     """Give the shared library of a C source, which may include files of the core; see `compile_core`.
+
+    brief: in three quarters of the time; loops over lanes take hardly longer
 
     Raises
     ------
@@ -168,7 +178,8 @@ def compile_library(source: str, compiler: tuple[str, ...]) -> Library:
         Where others may write the cache.
     """
     files = (item.read_text(encoding="utf-8") for item in sorted(CORE.iterdir(), key=lambda item: item.name))
-    return _kept((source, *files), compiler, partial(_compile, {"source": (source, WARM)}))
+    options = QUICK if brief else _options(WARM)
+    return _kept((source, *files, *options), compiler, partial(_compile, {"source": (source, options)}))
 
 
 def compile_anew(source: str, compiler: tuple[str, ...]) -> Library:
@@ -180,7 +191,7 @@ def compile_anew(source: str, compiler: tuple[str, ...]) -> Library:
         Where the compiler fails; carries its first message, and says what to install.
     """
     with tempfile.TemporaryDirectory() as work:
-        built = _compile({"source": (source, QUICK)}, compiler, Path(work))
+        built = _compile({"source": (source, _options(QUICK))}, compiler, Path(work))
         return Library(name=f"anew{LIBRARY}", content=built.read_bytes())
 
 
@@ -255,14 +266,14 @@ def _compile_object(name: str, texts: Mapping[str, str], compiler: tuple[str, ..
     return built
 
 
-def _options(level: tuple[str, ...]) -> tuple[str, ...]:
-    """Give how far a text is optimised: less where `FAULTBOND_HASTY` is 1."""
-    return HASTY[level] if os.environ.get("FAULTBOND_HASTY") == "1" else level
+def _options(level: tuple[str, ...], *, brief: bool = False) -> tuple[str, ...]:
+    """Give how far a text is optimised: less where it runs for moments, and where `FAULTBOND_HASTY` is 1."""
+    return HASTY[level] if brief or os.environ.get("FAULTBOND_HASTY") == "1" else level
 
 
 def _kept(texts: tuple[str, ...], compiler: tuple[str, ...], build: Callable[[tuple[str, ...], Path], Path]) -> Library:
     """Give a library of some texts, built if the cache does not hold it."""
-    told = (*texts, *FLAGS, *_options(FAST), compiler_identity(compiler), processor())
+    told = (*texts, *FLAGS, compiler_identity(compiler), processor())
     name = sha256("\0".join(told).encode()).hexdigest()[:32] + LIBRARY
     kept = read_kept(name)
     if kept is not None:
@@ -288,7 +299,7 @@ def _compile(
     _write(work, {f"{name}.c": text for name, (text, _) in parts.items()})
     with ThreadPoolExecutor() as pool:
         given = {name: pool.submit(give) for name, give in others.items()}
-        found = [pool.submit(_compile_part, name, level, compiler, work) for name, (_, level) in parts.items()]
+        found = [pool.submit(_compile_part, name, options, compiler, work) for name, (_, options) in parts.items()]
         objects = [item.result() for item in found]
         for name, item in given.items():
             objects.append(work / f"{name}.o")
@@ -299,17 +310,17 @@ def _compile(
     return built
 
 
-def _compile_text(header: str, text: str, level: tuple[str, ...], compiler: tuple[str, ...], work: Path) -> Path:
+def _compile_text(header: str, text: str, options: tuple[str, ...], compiler: tuple[str, ...], work: Path) -> Path:
     """Give the path of a compiled text of the core with its `model.h`, made in the folder `work`."""
     _write(work, {"model.h": header, "text.c": text})
-    return _compile_part("text", level, compiler, work)
+    return _compile_part("text", options, compiler, work)
 
 
-def _compile_part(name: str, level: tuple[str, ...], compiler: tuple[str, ...], work: Path) -> Path:
+def _compile_part(name: str, options: tuple[str, ...], compiler: tuple[str, ...], work: Path) -> Path:
     """Give the path of one compiled text of the folder `work`."""
     source, built = work / f"{name}.c", work / f"{name}.o"
     place = (f"-I{work}", f"-I{CORE}")
-    _run(compiler, (*compiler, *FLAGS, *_options(level), *place, "-c", str(source)), built)
+    _run(compiler, (*compiler, *FLAGS, *options, *place, "-c", str(source)), built)
     return built
 
 

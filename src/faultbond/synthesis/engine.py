@@ -40,8 +40,8 @@ def build_engine(graph: BondGraph, *, fleets: bool = False) -> tuple[EngineSpec,
     return core.spec, core
 
 
-def build(graph: BondGraph) -> Built:
-    """Give the core of a bond graph with its library, so that this can be kept.
+def build(graph: BondGraph, *, brief: bool = False) -> Built:
+    """Give the core of a bond graph with its library, so that this can be kept; see `compile_core` of what is brief.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def build(graph: BondGraph) -> Built:
         Where there is no C compiler, or it fails.
     """
     plant = build_plant(graph)
-    return _built(plant, build_spec(build_step_model(plant)))
+    return _built(plant, build_spec(build_step_model(plant)), brief=brief)
 
 
 def build_core(plant: Plant, spec: EngineSpec) -> Core:
@@ -63,9 +63,9 @@ def build_core(plant: Plant, spec: EngineSpec) -> Core:
     return _built(plant, spec).core
 
 
-def _built(plant: Plant, spec: EngineSpec, *, fleets: bool = False) -> Built:
-    compiler = required_compiler()
-    library = compile_core(model_text(spec, build_step_model(plant, all_inputs=True)), compiler, fleets=fleets)
+def _built(plant: Plant, spec: EngineSpec, *, fleets: bool = False, brief: bool = False) -> Built:
+    compiler, text = required_compiler(), model_text(spec, build_step_model(plant, all_inputs=True))
+    library = compile_core(text, compiler, fleets=fleets, brief=brief)
     title = compiler_title(compiler)
     with loadable([library]) as (path,):
         return Built(core=load_core(path, spec, title), library=library, compiler=title)

@@ -22,13 +22,13 @@ from faultbond.types import Hold
 _ANYWHERE = 1e3  # times the noise of a sensor: an sd that says nothing of what it reads
 
 
-def likelihood_text(model: StepModel, *, coarse: bool = False) -> str:
+def likelihood_text(model: StepModel, *, fewer: int = 1) -> str:
     """Give the source of what filters a plant of which all parameters are given.
 
     Parameters
     ----------
     model : the plant in discrete time, with an error of every input
-    coarse : take a step in half as many parts
+    fewer : in how many times fewer parts a step is taken
     """
     joint = _joint_of(model)
     kept = [column for column, place in enumerate(joint) if place >= 0 or _climbs(model, column)]
@@ -41,7 +41,7 @@ def likelihood_text(model: StepModel, *, coarse: bool = False) -> str:
         (readings, {"value": "lanes", "slopes": "lanes"}),
     )
     sizes = _sizes(model) | {
-        "SUBSTEPS": ceil(model.substeps / 2) if coarse else model.substeps,
+        "SUBSTEPS": ceil(model.substeps / fewer),
         "N_RATE_SLOPES": len(rate_entries),
         "N_READING_SLOPES": len(reading_entries),
         "RATES_ARE_LINEAR": int(linear),

@@ -181,17 +181,20 @@ def test_lanes_know_nothing_of_each_other() -> None:
 
 
 def test_a_course_is_what_samples_give_one_by_one() -> None:
-    """The numbers of a lane after each sample, and its innovations, are those of one call for each sample."""
+    """The numbers of a lane after each sample, and its innovations, are those of lanes side by side, one by one."""
     spec, core = build_engine(load_model(EXAMPLES / "tank" / "model.yaml"))
     samples, n_x = samples_of(spec, 50), len(spec.states)
-    now = lane = core.healthy_lane(np.full(n_x, 0.5), np.diag(np.full(n_x, 0.1)))
-    numbers, innovations = core.course(lane, samples, spec.slow_slice)
+    lane = core.healthy_lane(np.full(n_x, 0.5), np.diag(np.full(n_x, 0.1)))
+    now = np.repeat(lane, 2, axis=1)
+    end, numbers, innovations = core.course(lane, samples, spec.slow_slice)
     assert len(numbers[0])
     for k in range(len(samples)):
         now, found = core.advance(now, samples[k : k + 1])
         assert np.array_equal(numbers[k], now[spec.slow_slice, 0]), k
         assert np.array_equal(innovations[k], found[0, :, 0]), k
-    assert core.course(lane, samples[:0], spec.slow_slice)[0].shape == (0, len(numbers[0]))
+    assert np.array_equal(end[:, 0], now[:, 0])
+    assert np.array_equal(core.advance(lane, samples)[0], end)
+    assert core.course(lane, samples[:0], spec.slow_slice)[1].shape == (0, len(numbers[0]))
 
 
 def test_many_precise_sensors_tell_what_they_tell_one_by_one() -> None:

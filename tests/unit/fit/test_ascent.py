@@ -1,5 +1,6 @@
 """The climb to the most probable values."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 
 from faultbond.arrays import FloatArray
 from faultbond.fit import ascent
-from faultbond.fit.ascent import LONGEST, Finish, Summit, as_bent, ascend
+from faultbond.fit.ascent import AT_ONCE, LONGEST, Finish, Summit, as_bent, ascend
 from faultbond.fit.objective import Evaluation, FitPoint, FittedPlant
 
 
@@ -99,6 +100,35 @@ def one_unknown() -> tuple[FittedPlant, FitPoint]:
     """A plant of which one number is sought, and zero to begin at."""
     far = np.full(1, np.inf)
     return unknowns(-far, far, logarithmic=False)
+
+
+def test_where_a_step_leads_down_the_highest_of_many_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The hill is sharper than it looks: slopes are asked once in vain, and then only where it is best."""
+    plant, begin = unknowns(np.array([-100.0]), np.array([100.0]), logarithmic=False)
+    slopes, together = list[float](), list[list[float]]()
+
+    def value(x: float) -> float:
+        return -50.0 * (x - 0.2) ** 2
+
+    def evaluated(_: object, __: object, point: FitPoint) -> Evaluation:
+        (x,) = point.values.tolist()
+        slopes.append(x)
+        return Evaluation(value=value(x), score=np.array([100.0 * (0.2 - x)]), information=np.eye(1))
+
+    def values(_: object, __: object, points: Sequence[FitPoint]) -> FloatArray:
+        together.append([float(point.values[0]) for point in points])
+        return np.array([value(x) for x in together[-1]])
+
+    monkeypatch.setattr(ascent, "evaluate_likelihood", evaluated)
+    monkeypatch.setattr(ascent, "likelihood_values", values)
+    found = ascend(plant, (), begin, np.array([1e3]), turns=2)
+    assert [len(item) for item in together] == [AT_ONCE, AT_ONCE]
+    assert slopes[1] > 1.0  # which leads down
+    assert slopes[2:] == [max(item, key=value) for item in together]
+    assert found.posterior == pytest.approx(value(slopes[-1]), abs=1e-6)
+    assert found.course == tuple(sorted(found.course))
+    monkeypatch.setattr(ascent, "likelihood_values", lambda _, __, points: np.full(len(points), -np.inf))
+    assert not ascend(plant, (), begin, np.array([1e3]), turns=2).settled  # none leads higher
 
 
 @pytest.mark.parametrize(

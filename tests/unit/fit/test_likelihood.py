@@ -84,7 +84,7 @@ def test_a_search_takes_a_step_in_half_as_many_parts() -> None:
     plant, records, point = prepared(quick, recording())
     model = build_model(parse_model(quick))
     assert model.substeps == 8
-    all_parts, half = (begun_likelihood(model, coarse=coarse)() for coarse in (False, True))
+    all_parts, half = (begun_likelihood(model, fewer)() for fewer in (1, 2))
     fine, same, coarse = (
         likelihood_value(replace(plant, engine=engine), records, point) for engine in (plant.engine, all_parts, half)
     )

@@ -427,7 +427,9 @@ def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest
         rested.append(stand)
         return stand
 
-    search = SimpleNamespace(lasting=lambda stand: stand, at_rest=at_rest, believed=frozenset())
+    search = SimpleNamespace(
+        lasting=lambda stand: stand, coarsened=lambda stand: stand, at_rest=at_rest, believed=frozenset()
+    )
     now = Quieted(fitted=cast(Any, None), text="", held=(), stated=True, promise=1.0)
     wishes = SimpleNamespace(prior="declared")
     bound = Deadline(lambda _: None, inf)

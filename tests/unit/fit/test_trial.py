@@ -87,17 +87,13 @@ def test_a_filter_that_has_lost_its_variance_is_far_off_and_no_error(monkeypatch
         Sample(time=0.5 * k, dt=0.5, u=np.array([2.0, 0.1]), y=np.array([0.1, 1.0]) + 0.01 * rng.standard_normal(2))
         for k in range(n)
     ]
-    advance = Core.advance
+    follow = Core.course
 
-    def lost(core: Core, lane: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-        lanes, found = advance(core, lane, rows)
-        found[40:, 2:] = -1.0
-        return lanes, found
+    def course(core: Core, lane: FloatArray, rows: FloatArray, *place: slice) -> tuple[FloatArray, ...]:
+        end, numbers, told = follow(core, lane, rows, *place)
+        told[40:, 2:] = -1.0
+        return end, numbers, told
 
-    def course(core: Core, lane: FloatArray, rows: FloatArray, _: slice) -> tuple[FloatArray, FloatArray]:
-        return np.zeros((len(rows), 1)), lost(core, lane, rows)[1][:, :, 0]
-
-    monkeypatch.setattr(Core, "advance", lost)
     monkeypatch.setattr(Core, "course", course)
     seen = watch_recording(core, healthy_recording("a.csv", points, core))[0]
     assert np.all(seen.scores[45:] == LOST)

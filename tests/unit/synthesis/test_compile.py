@@ -21,7 +21,7 @@ from faultbond.model.text import load_model, parse_model
 from faultbond.runtime.core import Core, load_core
 from faultbond.simulate import Fault
 from faultbond.synthesis.compile import compile_library, find_compiler, required_compiler
-from faultbond.synthesis.engine import build_engine, build_model
+from faultbond.synthesis.engine import build, build_engine, build_model
 from faultbond.synthesis.specify import build_spec
 from made import differing, recorded, run
 
@@ -103,11 +103,14 @@ def test_other_numbers_take_what_is_compiled(tmp_path: Path, monkeypatch: pytest
 
 
 def test_in_haste_it_finds_the_same(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
-    """With haste and without there are libraries of their own, of one verdict, whose numbers differ by rounding."""
-    found = []
+    """With haste and without there are libraries of their own, of one verdict, whose numbers differ by rounding.
+
+    A core that is built for a trial is built in haste.
+    """
+    found, graph = [], load_model(RC)
     for hasty in ("0", "1"):
         monkeypatch.setenv("FAULTBOND_HASTY", hasty)
-        monitor, reports = run(build_engine(load_model(RC))[1], recorded("rc", 400, FAULT))
+        monitor, reports = run(build_engine(graph)[1], recorded("rc", 400, FAULT))
         assert any(report.detection for report in reports)
         found.append(monitor)
     one, two = (item.conclude().candidates for item in found)
@@ -115,6 +118,10 @@ def test_in_haste_it_finds_the_same(monkeypatch: pytest.MonkeyPatch, cache: Path
     assert [item.probability for item in one] == pytest.approx([item.probability for item in two], rel=1e-6, abs=1e-9)
     assert found[0].numbers("healthy.lane") == pytest.approx(found[1].numbers("healthy.lane"), rel=1e-9, abs=1e-12)
     assert len(list(cache.glob("*.so"))) == 2 * len(KEPT)
+    monkeypatch.setenv("FAULTBOND_HASTY", "0")
+    brief, usual = build(graph, brief=True).library, build(graph).library
+    assert brief.content != usual.content
+    assert len(list(cache.glob("*.so"))) == 3 * len(KEPT)
 
 
 def test_other_source_is_compiled_anew(cache: Path) -> None:
