@@ -711,7 +711,8 @@ def test_a_lag_that_has_come_to_nothing_is_left_out(
         added=tuple(Added(what=item, trained=9.0, held=9.0) for item in lags),
     )
     search = Search.__new__(Search)
-    search.tell, search.refused, search.graph, search.step = lambda _: None, {}, graph, 1.0
+    search.tell, search.refused, search.missed = lambda _: None, {}, set()
+    search.graph, search.step = graph, 1.0
     ground = SimpleNamespace(climbed=lambda stand: replace(stand, held=100.0 - loses))
     monkeypatch.setattr(Search, "ground", lambda *_: ground)
     found = search.lasting(stand)
@@ -744,7 +745,8 @@ def test_a_slow_error_that_is_of_no_use_any_more_is_left_out(
         return {}, gains_of
 
     search = Search.__new__(Search)
-    search.tell, search.refused, search.graph, search.step = lambda _: None, {}, graph, 1.0
+    search.tell, search.refused, search.missed = lambda _: None, {}, set()
+    search.graph, search.step = graph, 1.0
     monkeypatch.setattr(search, "asking", asking)
     ground = SimpleNamespace(climbed=lambda stand: replace(stand, held=100.0 - loses))
     monkeypatch.setattr(Search, "ground", lambda *_: ground)

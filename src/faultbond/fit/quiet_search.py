@@ -103,6 +103,7 @@ class Search:
         self.possible = possible(graph, signals, len(model.states))
         self.refused: dict[tuple[Kind, str], float] = {}  # what was tried in vain, and the nats it seemed to gain then
         self.asked_together: frozenset[tuple[Kind, str]] = frozenset()  # lags that were asked for all at once
+        self.missed: set[tuple[Kind, str]] = set()  # what was left out to see, and was missed
         self.idle: dict[Imperfection, float] = {}  # lags that gained nothing, and what they seemed to gain then
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
         self.inside: frozenset[str] = frozenset()  # parameters that are kept from straying
@@ -197,6 +198,7 @@ class Search:
         kept = tuple(item for item in stand.added if item not in gone)
         alone = self.ground(graph).climbed(replace(stand, graph=graph, added=kept))
         if not stand.held - alone.held < WORTH:
+            self.missed |= {item.what.key for item in gone}
             return stand
         self.refused |= {item.what.key: np.inf for item in gone if not item.what.is_slow}
         return alone
@@ -208,7 +210,11 @@ class Search:
         return [item for item in added if item.what.size <= NO_LAG * self.step and item.what.place not in others]
 
     def _spent(self, stand: Footing) -> list[Added]:
-        """Give slow errors that the model does not declare, and curves, each of which the recordings would not miss."""
+        """Give slow errors that the model does not declare, and curves, each of which the recordings would not miss.
+
+        With all else as it stands; and curves that they would not miss once all else follows, as a bow and its power
+        that make up for each other.
+        """
         own = keys_of(self.graph)
         slow = [item for item in stand.added if item.what.is_slow and item.what.key not in own]
         curves = [item for item in stand.added if item.what.kind in CURVES]
@@ -219,7 +225,9 @@ class Search:
         if curves:
             straight = [replace(item.what, size=0.0) for item in curves]
             gained = self.ground(stand.graph).gains_of(stand, straight).tolist()
-            spent += [item for item, gain in zip(curves, gained, strict=True) if gain > -WORTH]
+            follows = [np.inf if x.what.key in self.missed else stand.bent.get(x.what.key, np.inf) for x in curves]
+            lost = zip(curves, gained, follows, strict=True)
+            spent += [item for item, gain, loss in lost if gain > -WORTH or loss < WORTH]
         return spent
 
     def ground_with(self, stand: Footing, more: Sequence[Imperfection]) -> Ground:

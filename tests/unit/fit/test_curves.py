@@ -493,8 +493,18 @@ def test_a_bow_has_a_power_beside_it_unless_that_is_there() -> None:
     assert further.powers_beside(replace(stand, values={"h_by_flow": 0.1}), [bow]) == []
 
 
-@pytest.mark.parametrize(("loss", "is_kept"), [(WORTH - 0.1, False), (WORTH + 0.1, True)])
-def test_a_curve_of_no_use_is_left_out(loss: float, is_kept: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("loss", "bent", "without", "is_kept"),
+    [
+        (WORTH - 0.1, 50.0, 100.0, False),
+        (WORTH + 0.1, 50.0, 100.0, True),
+        (50.0, WORTH - 0.1, 98.0, False),  # once all else follows it is not missed
+        (50.0, WORTH - 0.1, 90.0, True),  # as it seemed; it is
+    ],
+)
+def test_a_curve_of_no_use_is_left_out(
+    loss: float, bent: float, without: float, is_kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """What was added with it or later explains what it did; it is not tried again."""
     graph = parse_model(COOLER)
     curve = Imperfection(kind=Kind.CURVE, place="h", bend=Bend(Name("flow"), "flow", 3e-4, 1e-4), size=0.01)
@@ -503,20 +513,28 @@ def test_a_curve_of_no_use_is_left_out(loss: float, is_kept: bool, monkeypatch: 
         values={},
         starts={},
         held=100.0,
+        bent={curve.key: bent},
         added=(Added(what=curve, trained=9.0, held=9.0),),
     )
     search = Search.__new__(Search)
     search.tell, search.refused, search.graph, search.step = lambda _: None, {}, graph, 10.0
+    search.missed, climbs = set(), [0]
     monkeypatch.setattr(search, "asking", lambda _: ({}, lambda tried: [0.0] * len(tried)))
 
     def gains_of(_: Footing, tried: Sequence[Imperfection]) -> FloatArray:
         assert [item.size for item in tried] == [0.0]
         return np.array([-loss])
 
-    ground = SimpleNamespace(gains_of=gains_of, climbed=lambda stand: stand)
+    def climbed(begin: Footing) -> Footing:
+        climbs[0] += 1
+        return replace(begin, held=without)
+
+    ground = SimpleNamespace(gains_of=gains_of, climbed=climbed)
     monkeypatch.setattr(Search, "ground", lambda *_, **__: ground)
     found = search.lasting(stand)
     assert bool(found.added) == is_kept
+    assert not is_kept or search.lasting(stand) is stand
+    assert climbs[0] == (loss < WORTH or bent < WORTH)  # what is missed is not left out again
     assert ("h_by_flow" in [item.name for item in found.graph.parameters]) == is_kept
     assert search.refused == ({} if is_kept else {curve.key: np.inf})
 
