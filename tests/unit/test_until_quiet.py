@@ -1219,7 +1219,9 @@ def test_a_round_is_left_when_the_time_is_up(
     monkeypatch.setattr(Search, "profile", asked)
     monkeypatch.setattr(deadline, "monotonic", lambda: 1e9 if rounds else 0.0)
     found = records(tmp_path, model, *made, "--within", "1 h", "-o", tmp_path / "new.yaml")["quiet"]
-    said = capsys.readouterr().err
+    printed = capsys.readouterr()
+    said = printed.err
+    assert "nothing so far that foretells what was held back better: the time was up" in printed.out
     assert "looking for what is missing, round 1 of" in said
     assert "what was under way is left: the time is up" in said
     assert rounds == [0]

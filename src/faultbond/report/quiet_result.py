@@ -301,8 +301,9 @@ def quiet_parts(graph: BondGraph, found: Quieted) -> tuple[QuietPart, ...]:
         for item in found.added
         if item.alike
     ]
-    so_far = " so far" if found.unfinished else ""
-    nothing = f"nothing{so_far} that foretells what was held back better"
+    so_far = " so far" if found.unfinished or found.out_of_time else ""
+    ended = ": the time was up" if found.out_of_time else ""
+    nothing = f"nothing{so_far} that foretells what was held back better{ended}"
     told = under("as good", texts) if found.added else [("", nothing)]
     told += under("beside", _beside_words(found.added))
     told += under("curves", [_curve_words(graph, item.what) for item in found.added if item.what.by])

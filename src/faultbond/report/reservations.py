@@ -251,7 +251,8 @@ def _model_sentence(graph: BondGraph, diagnosis: Diagnosis, began: Detection) ->
     was_fitted = any(item.fitted_range is not None for item in graph.instruments)
     is_soon = began.sample < LITTLE_SEEN
     speaks = is_soon or diagnosis.unexplained is not None
-    if was_fitted or diagnosis.mismatch or not speaks or graph.grid is TimeGrid.NONE:
+    other_words = diagnosis.mismatch > 0.0 and not diagnosis.strained  # for a parameter that walks
+    if was_fitted or other_words or not speaks or graph.grid is TimeGrid.NONE:
         return ""
     seen = f"The alarm came after {with_noun(began.sample, 'sample')}. " if is_soon else ""
     return (

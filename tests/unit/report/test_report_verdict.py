@@ -211,6 +211,7 @@ def test_a_model_that_was_never_fitted_may_be_what_is_wrong(history: History) ->
     assert told(sample=499).startswith(f"The alarm came after 499 samples. {wrong}")
     assert told(off).startswith(wrong)
     assert told(replace(off, mismatch=0.9)) == ""
+    assert wrong in told(replace(off, mismatch=0.5, strained=("K2",)))
     fitted = replace(GRAPH, inputs=(replace(GRAPH.inputs[0], fitted_range=(0.0, 1.0)), *GRAPH.inputs[1:]))
     assert told(off, graph=fitted) == told(sample=1, graph=fitted) == ""
     sensed = replace(GRAPH, sensors=(replace(GRAPH.sensors[0], fitted_range=(0.0, 1.0)), *GRAPH.sensors[1:]))
