@@ -26,7 +26,7 @@ from faultbond.errors import FaultbondError
 from faultbond.fit.ascent import Finish
 from faultbond.fit.coarse_step import as_declared, coarsest
 from faultbond.fit.cure import Cure, cured, strayed
-from faultbond.fit.foothold import Footing, as_found, begun_as_found, values_of, with_values
+from faultbond.fit.foothold import Footing, as_fitted, as_found, begun_as_found, values_of, with_values
 from faultbond.fit.further import better, held_until
 from faultbond.fit.ground import COARSE
 from faultbond.fit.healthy_changes import healthy_changes
@@ -401,7 +401,16 @@ def _attempt(
         tell=lambda step: deadline(f"{what}: {step}"),
     )
     fitted = _fitted(first, graph, found, now)
-    now = replace(now, fitted=fitted, text=fitted.model_text(with_added), raised=(), lowered=(), health=None, alarms={})
+    now = replace(
+        now,
+        fitted=fitted,
+        text=fitted.model_text(with_added),
+        added=as_fitted(now.added, fitted.values),
+        raised=(),
+        lowered=(),
+        health=None,
+        alarms={},
+    )
     yield _known(now)
     deadline("asking how far parameters seem to move while healthy")
     fitted = replace(fitted, healthy_changes=healthy_changes(core, found.records, fitted.believed))

@@ -7,7 +7,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.fit.identification import Fit, Prior
-from faultbond.fit.imperfections import Imperfection, Kind, kind_of
+from faultbond.fit.imperfections import Imperfection, Kind, kind_of, parameter_name
 from faultbond.fit.objective import FitPoint, FittedPlant
 from faultbond.fit.outcome import LEAST_ACCURACY
 from faultbond.model.graph import BondGraph
@@ -32,6 +32,12 @@ class Added:
         That may foretell little by itself: without the slow error, other values stand in for what it lacks.
         """
         return self.what.is_slow and other.what.is_definite and other.trained >= part * self.trained
+
+
+def as_fitted(added: Sequence[Added], values: Mapping[str, float]) -> tuple[Added, ...]:
+    """Give what was added with the sizes that a fit has found since, where these are parameters; values by name, SI."""
+    sizes = ((item, values.get(parameter_name(item.what)) if item.what.is_parameter else None) for item in added)
+    return tuple(item if size is None else replace(item, what=replace(item.what, size=size)) for item, size in sizes)
 
 
 def _not_fitted(prior: Prior) -> Fit:

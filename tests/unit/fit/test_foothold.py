@@ -7,7 +7,8 @@ import pytest
 
 from faultbond.app.likelihood import likelihood_engine
 from faultbond.contract.samples import Sample
-from faultbond.fit.foothold import Footing, begun_as_found, values_of, with_noise
+from faultbond.fit.foothold import Added, Footing, as_fitted, begun_as_found, values_of, with_noise
+from faultbond.fit.imperfections import Imperfection, Kind, parameter_name
 from faultbond.fit.session import build_fit, free_parameters, likelier_begin
 from faultbond.model.text import parse_model
 from faultbond.synthesis.engine import build_engine, build_model
@@ -59,3 +60,14 @@ def test_each_recording_begins_where_that_is_likelier() -> None:
     assert np.array_equal(found.sizes, [begin.sizes[0], 2.0 * begin.sizes[1]])
     stand = Footing(graph=graph, values={}, starts={"C.e": np.array([7.0]), "V.lagged": np.array([1.0])})
     assert begun_as_found(begin, ("C.e",), stand).starts[:, 0].tolist() == [7.0, begin.starts[1, 0]]
+
+
+def test_what_was_added_has_the_size_that_is_written() -> None:
+    """A fit to all recordings comes after the search; what is no parameter stays as it was found."""
+    lag = Imperfection(kind=Kind.LAG, place="v", is_sensor=True, size=0.3)
+    slow = Imperfection(kind=Kind.ABSOLUTE, place="v", is_sensor=True, size=0.2)
+    added = [Added(what=item, trained=9.0, held=8.0) for item in (lag, slow)]
+    found = as_fitted(added, {parameter_name(lag): 0.5, "R": 3.0})
+    assert [item.what.size for item in found] == [0.5, 0.2]
+    assert [(item.trained, item.held) for item in found] == [(9.0, 8.0)] * 2
+    assert as_fitted(added, {}) == tuple(added)
