@@ -69,6 +69,7 @@ from faultbond.fit.offset import centred, likely_offsets
 from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.quiet_search import FEWEST, FURTHER, WORTH, Search, _next_to, first_of
 from faultbond.fit.samples import HealthyRecording, healthy_recording
+from faultbond.fit.session import likelier_begin
 from faultbond.fit.trial import LARGEST, LASTING, RISE, ROOM, enough, on_trial, stays_below, strayed_on
 from faultbond.io.recording import write_recording
 from faultbond.model.amend import amended
@@ -1185,6 +1186,33 @@ def test_of_what_is_nominally_nothing_half_of_its_change_counts(now: float, deaf
         smallest_after=(after,),
     )
     assert found.deaf == deaf
+
+
+@pytest.mark.usefixtures("no_sizes")
+def test_what_a_search_has_found_is_where_the_last_fit_begins_and_what_is_told_is_its_end(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The starts of the recordings that were fitted, and sizes as written; each round asks for coarser steps."""
+    made = [write(tmp_path / f"{seed}.csv", seed=seed, lag=0.1) for seed in (1, 2)]
+    stands, others = list[Footing](), list[Any]()
+
+    def coarsened(_: Search, stand: Footing) -> Footing:
+        stands.append(replace(stand, starts=dict.fromkeys(stand.starts, np.array([0.321]))))
+        return stands[-1]
+
+    def begun(plant: Any, recordings: Any, begin: Any, other: Any) -> Any:
+        others.append(other)
+        return likelier_begin(plant, recordings, begin, other)
+
+    monkeypatch.setattr(Search, "coarsened", coarsened)
+    monkeypatch.setattr(quiet_fit, "likelier_begin", begun)
+    found = records(tmp_path, model, *made, "-o", tmp_path / "new.yaml")
+    assert len(stands) == found["quiet"]["rounds"] > 0
+    assert np.all(others[-1].starts[0] == 0.321)
+    assert np.all(others[-1].starts[1] != 0.321)  # it was held back
+    (lag,) = (item for item in found["quiet"]["added"] if item["kind"] == "lag")
+    (written,) = (item for item in found["fit"]["parameters"] if item["name"].endswith("_lag"))
+    assert lag["size"] == written["estimate"]
 
 
 @pytest.mark.usefixtures("no_sizes")

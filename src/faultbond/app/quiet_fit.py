@@ -387,7 +387,7 @@ def _attempt(
     begin = replace(begin, values=values_of(plant, first, stand))
     own = (item.name for _, item in parameters if item.name in wishes.own)
     columns = (*(model.states[k] for k in plant.free), *own)
-    begin = likelier_begin(plant, records, begin, begun_as_found(begin_at(plant, records, core, model), columns, stand))
+    begin = likelier_begin(plant, records, begin, begun_as_found(begin_at(plant, records, core), columns, stand))
     found = fit_plant(
         plant,
         records,

@@ -198,8 +198,7 @@ def start_of(graph: BondGraph, points: Sequence[GridPoint]) -> dict[str, float]:
     if monitor.is_outside:
         return {}
     first = max(int(monitor.number("clock.begun")), 0)
-    rows = np.array([monitor.row(k)[0] for k in range(first, len(points))])
-    mean, _ = core.likely_start(rows, model.reference_state)
+    mean, _ = core.solve_start(np.array([monitor.row(k)[0] for k in range(first, len(points))]))
     contents = model.contents(mean, [item.nominal for item in graph.parameters]).full()[:, 0]
     return {
         store.name: float(content)

@@ -85,17 +85,16 @@ def build_fit(
     )
     parts = (part for name, points in recordings for part in judged_parts(name, points, core))
     records = tuple(healthy_recording(name, points, core) for name, points in parts)
-    return plant, records, begin_at(plant, records, core, model)
+    return plant, records, begin_at(plant, records, core)
 
 
-def begin_at(plant: FittedPlant, records: Sequence[HealthyRecording], core: Core, model: StepModel) -> FitPoint:
+def begin_at(plant: FittedPlant, records: Sequence[HealthyRecording], core: Core) -> FitPoint:
     """Give the nominal plant with the starts that the first samples of each recording show.
 
     Parameters
     ----------
     plant, records : what is fitted to what
     core : of the same model, as the monitor runs it
-    model : the same in discrete time
     """
     values = plant.unknowns.nominal.copy()
     free, n_free = list(plant.free), len(plant.free)
@@ -108,7 +107,7 @@ def begin_at(plant: FittedPlant, records: Sequence[HealthyRecording], core: Core
             break
         used = np.flatnonzero(record.use.any(axis=1))
         last = int(used[min(first, len(used)) - 1]) + 1 if len(used) else first
-        mean, covariance = core.likely_start(record.packed[:last], model.reference_state)
+        mean, covariance = core.solve_start(record.packed[:last])
         sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))[free]
         starts[r, :n_free] = mean[free]
         size = np.maximum(sd, _LEAST_PART * np.abs(mean[free]))

@@ -215,31 +215,6 @@ class Core:
         )
         return mean[:n_x], covariance
 
-    def likely_start(self, samples: FloatArray, usual: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Give what `solve_start` does of the states alone, and of one that the samples leave open where it usually is.
-
-        That is as one more reading of it, as uncertain as it is large: a pipe in which nothing flows as yet, and of
-        which nothing is read, had begun at minus 13 700 degC.
-
-        Parameters
-        ----------
-        samples : float array, shape (n_samples, n_sample)
-        usual : float array, shape (n_states,); of a state that is usually zero nothing is known
-
-        Returns
-        -------
-        mean : float array, shape (n_states,)
-        covariance : float array, shape (n_states, n_states)
-        """
-        mean, whole = self.solve_start(samples)
-        covariance = whole[: len(mean), : len(mean)]
-        unseen = np.flatnonzero((usual != 0.0) & (np.diag(covariance) > usual**2))
-        if not len(unseen) or not np.isfinite(covariance).all():
-            return mean, covariance
-        read = covariance[unseen]
-        gain = np.linalg.solve(read[:, unseen] + np.diag(usual[unseen] ** 2), read).T
-        return mean + gain @ (usual - mean)[unseen], covariance - gain @ read
-
     def advance(self, lanes: FloatArray, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Filter all lanes (n_numbers, n_lanes) over a block of samples (n_samples, n_sample); see `Engine.advance`."""
         if lanes.shape[1] == 1 and not self.wide:

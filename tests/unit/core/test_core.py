@@ -197,22 +197,6 @@ def test_a_course_is_what_samples_give_one_by_one() -> None:
     assert core.course(lane, samples[:0], spec.slow_slice)[1].shape == (0, len(numbers[0]))
 
 
-def test_a_state_that_nothing_shows_begins_where_it_usually_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the samples leave open goes there, and what is known of others with it; what they show stays."""
-    spec, core = build_engine(load_model(EXAMPLES / "rlc" / "model.yaml"))
-    n, none = spec.parameter_slice.stop, np.zeros((0, spec.n_sample))
-    usual, mean, sd, covariance = np.array([300.0, 5.0]), np.array([-13_000.0, 4.0]), 60_000.0, np.eye(n)
-    covariance[:2, :2] = [[sd**2, 0.5 * sd * 0.01], [0.5 * sd * 0.01, 0.01**2]]
-    monkeypatch.setattr(type(core), "solve_start", lambda *_: (mean, covariance))
-    found, left = core.likely_start(none, usual)
-    assert found[0] == pytest.approx(300.0, abs=1.0)
-    assert found[1] - 4.0 == pytest.approx(0.5 * 0.01 * (found[0] - mean[0]) / sd)
-    assert np.sqrt(left[0, 0]) == pytest.approx(300.0, rel=0.01)
-    assert np.array_equal(core.likely_start(none, np.array([0.0, 5.0]))[0], mean)
-    covariance[:2, :2] = np.diag([300.0**2, 5.0**2])
-    assert np.array_equal(core.likely_start(none, usual)[0], mean)
-
-
 def test_many_precise_sensors_tell_what_they_tell_one_by_one() -> None:
     """From a start a hundred million times as wide as the noise, nine sensors end as in the textbook filter."""
     graph = parse_model(NINE_SENSORS)
