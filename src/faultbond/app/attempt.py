@@ -19,18 +19,19 @@ from faultbond.fit.imperfections import Imperfection
 from faultbond.fit.lasting_error import as_noise, lasting_errors
 from faultbond.fit.quiet_search import Tell
 from faultbond.fit.samples import HealthyRecording, healthy_recording
-from faultbond.fit.trial import MONTH, ROOM, Health, alarms_of, enough, on_trial, strayed_on, widest_of
+from faultbond.fit.trial import LOUDEST, MONTH, ROOM, Health, alarms_of, enough, on_trial, strayed_on, widest_of
 from faultbond.model.graph import BondGraph, SlowError
 from faultbond.model.text import parse_model
 from faultbond.model.validity import without_states
 from faultbond.report.fit_result import Fitted
 from faultbond.report.quiet_result import amended_text
-from faultbond.report.resized import Resized, lowered_text, raised_text, widened_text
+from faultbond.report.resized import Resized, lowered_text, raised_text, resized_in_turn, widened_text
 from faultbond.runtime.core import Core
 from faultbond.synthesis.engine import build_model
 
 PATIENCE = 60.0  # s of a processor for the smallest faults of a model; usual plants take 2 to 10
 SPARE = 1.05  # times what it takes: a wider accuracy lets a parameter move a little farther
+MOST_TIMES = 3  # that a model is raised in turn
 LOWERED = (1.0, 0.5, 0.25)  # parts of the way to what recordings say of slow errors, as ratios, that are tried
 
 Smallest = tuple[SmallestFault, ...]
@@ -115,8 +116,24 @@ def raised_until_quiet(attempt: Attempt, promise: float, tell: Tell) -> tuple[At
     """Declare accuracies, noise or slow errors larger, as little as it takes; as it was where nothing is enough.
 
     Gives also the slow errors of sensors that it takes in place of shorter ones, or of none, where less is declared in
-    all with them.
+    all with them. Where accuracies must be wider then, parameters move farther, and what is left of the sensors may
+    take more; that is raised in turn.
     """
+    raised: tuple[Resized, ...] = ()
+    lasting: Lasting = ()
+    for _ in range(MOST_TIMES):
+        further, more, longer = _raised_once(attempt, promise, tell)
+        together = resized_in_turn(raised, more)
+        if any(item.times > LOUDEST for item in together):
+            break
+        attempt, raised, lasting = further, together, (*lasting, *longer)
+        if attempt.quiet or not (more or longer):
+            break
+    return attempt, raised, lasting
+
+
+def _raised_once(attempt: Attempt, promise: float, tell: Tell) -> tuple[Attempt, tuple[Resized, ...], Lasting]:
+    """Give the first way to declare more that is quiet, by how much that is in all; where none is, that with least."""
     variant = enough(attempt.core, attempt.records, promise)
     ways = [] if variant is not None and variant.accuracy > 1.0 else _with_lasting(attempt, promise, tell)
     if variant is not None:

@@ -53,7 +53,7 @@ LEAST = 60  # samples of a part of the recordings
 SETTLED = 0.01  # nats that a further step would bring to a fit: a tenth of a standard error or so
 TAKES = (5.0, 20.0)  # times as long as the first fit a search takes; measured, see docs/fitting.md
 LONG = 300.0  # s; of a search that may take longer it is told how long
-FIRST, SEARCH, FITTED = 0.2, 0.6, 0.7  # parts of its time by which the first fit, the search, and the last fit end
+FIRST, SEARCH, FITTED = 0.2, 0.55, 0.65  # parts of its time by which the first fit, the search, and the last fit end
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
 
 ByThen = Callable[[], Quieted]  # what was found, worked out where somebody asks for it

@@ -65,7 +65,7 @@ static const Field FIELDS[] = {
     WHOLE(job.n_wanted, 0.0, N_STEPS), WHOLE(job.n_singles, 0.0, N_STEPS),
     WHOLE(job.wanted, 0.0, N_PLANNED > 0 ? N_PLANNED - 1.0 : 0.0),
     WHOLE(job.stands_for, -1.0, N_PLANNED > 0 ? N_PLANNED - 1.0 : 0.0), ANYTHING(job.factors),
-    WHOLE(job.bases, -1.0, FB_ROOM(SWITCHED) - 1.0), ANYTHING(job.values), ANYTHING(job.most), ANYTHING(job.heard),
+    WHOLE(job.bases, -1.0, FB_ROOM(SWITCHED) - 1.0), ANYTHING(job.values), ANYTHING(job.most), ANYTHING(job.heard), WHOLE(job.likeliest, -1.0, DEPTH - 1.0),
     WHOLE(job.lane, 0.0, FB_ROOM(N_STEPS > N_WIDE ? N_STEPS : N_WIDE) - 1.0), COUNT(job.begins), COUNT(job.began), ANYTHING(job.found),
     COUNT(job.walk.samples), COUNT(job.walk.steps), ANYTHING(job.walk.variance),
     WHOLE(job.search.n, 0.0, MOST_ONSETS), WHOLE(job.search.place, 0.0, DEPTH - 1.0),

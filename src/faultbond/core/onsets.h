@@ -14,15 +14,11 @@ FB_SELDOM
 
 #define DENSE 40         /* samples before the alarm of which each may be tried as onset; */
 #define RATIO 20         /* further back each is by one part in so many farther away */
-#define MANY 200000      /* numbers in the covariances of all lanes from which on fewer are: */
-#define MANY_DENSE 8
-#define MANY_RATIO 4
-#define LARGE_BANK 1000000 /* beyond so many only those near the estimated onset are */
 #define COARSE 4         /* of so many onsets one is tried first */
 #define MATTERS 8.0      /* nats by which an onset may be less likely than the best and still matters */
 #define SMOOTH 3.0       /* nats by which the likelihood may move between two onsets that are tried */
 
-#define PASSED 3         /* onsets in a row that do not matter, before which none is sought any more */
+#define PASSED 3         /* onsets in a row before the best that do not matter, before which none is sought any more */
 
 enum { SPARE, WANTED, REQUIRED, TRIED }; /* onsets of a search: those between, the first, what is tried in any case */
 
@@ -32,25 +28,23 @@ static void mark(uint8_t *marks, const Trail *trail, int64_t place, int standing
     if (place >= 1 && place >= trail->first && place < trail->n && marks[place] < 1 + standing) marks[place] = (uint8_t)(1 + standing);
 }
 
-/* The distance after one, farther by one part in `ratio`, to the nearest sample, of two the even one. In whole numbers:
+/* The distance after one, farther by one part in `RATIO`, to the nearest sample, of two the even one. In whole numbers:
    else the last digit would decide what half a sample is. */
-static int64_t farther(int64_t back, int64_t ratio)
+static int64_t farther(int64_t back)
 {
-    const int64_t next = back + back / ratio, rest = 2 * (back % ratio);
-    return next + (rest > ratio || (rest == ratio && next % 2));
+    const int64_t next = back + back / RATIO, rest = 2 * (back % RATIO);
+    return next + (rest > RATIO || (rest == RATIO && next % 2));
 }
 
-/* Mark the onsets of a bank of usual size: dense before the alarm, sparse far from it. */
-static void mark_usual(uint8_t *marks, const Trail *trail, int is_many)
+/* Mark onsets, dense before the alarm, sparse far from it. */
+static void mark_usual(uint8_t *marks, const Trail *trail)
 {
-    const int64_t dense = is_many ? MANY_DENSE : DENSE;
-    const int64_t ratio = is_many ? MANY_RATIO : RATIO;
     int64_t count = 0, last = 0;
     mark(marks, trail, trail->alarm, WANTED);
     for (int64_t back = 1; back < trail->alarm && trail->alarm - back >= trail->first;) {
         mark(marks, trail, trail->alarm - back, ++count % COARSE == 0 ? WANTED : SPARE);
         last = back;
-        back = back < dense ? back + 1 : farther(back, ratio);
+        back = back < DENSE ? back + 1 : farther(back);
     }
     mark(marks, trail, trail->alarm - last, WANTED);
     for (int64_t ahead = last = 1; trail->alarm + ahead < trail->n; ahead *= 2)
@@ -66,27 +60,19 @@ static void mark_returns(uint8_t *marks, const Trail *trail)
             mark(marks, trail, place, REQUIRED);
 }
 
-/* Begin a search; `change`: place of the onset that the detector estimates; `early`: 1 where lanes may begin at the first sample of
-   all, which is tried. So is that estimate, and where the innovations
-   became wild: what happens within a few samples, as a jump does whose trace the plant soon loses, only fits a lane that
-   begins there. A bank with many lanes would take too long to begin at all places; it tries fewer, and one with very many
-   only some about `change`. */
-static void begin_search(const Trail *trail, int64_t change, int early, Search *search)
+/* Begin a search; `change`: place of the onset that the detector estimates; `likeliest`: that at which other lanes were, or -1;
+   `early`: 1 where lanes may begin at the first sample of all. All three are tried: the estimate may be so bad that the right lane
+   has no hope there. So is where the innovations became wild: what happens within a few samples, as a jump does whose trace the
+   plant soon loses, only fits a lane that begins there. */
+static void begin_search(const Trail *trail, int64_t change, int64_t likeliest, int early, Search *search)
 {
-    const int64_t size = (int64_t)N_PLANNED * TRIANGLE(PLAIN_JOINT);
     uint8_t marks[DEPTH] = {0};
     mark(marks, trail, change, REQUIRED);
+    mark(marks, trail, likeliest, REQUIRED);
     mark_returns(marks, trail);
     for (int k = 0; k < trail->n_bursts; k++)
         for (int64_t late = 0; late < 2; late++) mark(marks, trail, trail->bursts[k] - late, REQUIRED);
-    if (size > LARGE_BANK) {
-        for (int64_t back = 1; back <= 32; back *= 2) {
-            mark(marks, trail, change - back, WANTED);
-            mark(marks, trail, change + back, WANTED);
-        }
-    } else {
-        mark_usual(marks, trail, size > MANY);
-    }
+    mark_usual(marks, trail);
     search->n = search->early = early;
     search->place[0] = 0;
     search->standing[0] = REQUIRED;
@@ -166,6 +152,16 @@ static int64_t tried_before(const Search *search, int64_t k)
     return -1;
 }
 
+/* Whether an onset that was tried lies before the best of each lane, and says little for any; lanes without hope do not count. */
+static int is_before(const Search *search, int64_t k)
+{
+    for (int l = 0; l < GROUP; l++) {
+        if (search->most[l] < search->least) continue;
+        if (search->best[l] <= k || search->said[k][l] >= search->most[l] - MATTERS) return 0;
+    }
+    return 1;
+}
+
 /* The next of the first ones, from the last back: the likelihood rises up to the true onset and falls before it, so far enough
    before that none needs to be tried. -1: none is left. */
 static int64_t next_wanted(const Search *search)
@@ -173,7 +169,7 @@ static int64_t next_wanted(const Search *search)
     int passed = 0;
     for (int64_t k = search->n - 1; k >= 0; k--) {
         if (search->standing[k] == WANTED) return passed < PASSED ? k : -1;
-        if (search->standing[k] == TRIED) passed = matters(search, k) ? 0 : passed + 1;
+        if (search->standing[k] == TRIED) passed = is_before(search, k) ? passed + 1 : 0;
     }
     return -1;
 }

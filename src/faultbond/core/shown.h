@@ -1,8 +1,9 @@
 /* The states as the first readings show them, one after the other: a guess from which the start is sought.
 
    A sensor of which one state alone is not known shows that; and a state that is known shows, as it were at rest, the one that
-   it follows. No step in time is made, so no plant can run away: one whose winding begins at 0 K, with a resistance below zero,
-   is beyond all measure after a second. Formulas: docs/method.md, "The joint filter". */
+   it follows. What has fewest states tells first: a temperature that a slow sensor reads is about what that says, while a current
+   that does not rest, and goes by a resistance that hardly moves with it, says nearly anything. No step in time is made, so no
+   plant can run away: one whose winding begins at 0 K, with a resistance below zero, is beyond all measure after a second. Formulas: docs/method.md, "The joint filter". */
 #ifndef FB_SHOWN_H
 #define FB_SHOWN_H
 
@@ -21,12 +22,15 @@ typedef struct {
     unsigned char is_known[FB_ROOM(N_STATES)];
 } Shown;
 
-/* The only state among columns of v that is not known; -1: none, or more than one. */
-static int only_unknown(const Shown *shown, const int *columns, int n)
+/* The only state among columns of v that is not known; -1: none, or more than one. `n_states`: how many of them are states. */
+static int only_unknown(const Shown *shown, const int *columns, int n, int *n_states)
 {
     int found = -1;
+    *n_states = 0;
     for (int e = 0; e < n; e++) {
-        if (columns[e] >= N_STATES || shown->is_known[columns[e]]) continue;
+        if (columns[e] >= N_STATES) continue;
+        ++*n_states;
+        if (shown->is_known[columns[e]]) continue;
         if (found >= 0) return -1;
         found = columns[e];
     }
@@ -60,8 +64,8 @@ static int find_shown(Shown *shown, int relation, const double *sample, int i, l
     return 0;
 }
 
-/* Find one more state, by a sensor before what only rests; gives whether there was one. */
-static int find_next(Shown *shown, lanes *lane)
+/* Find one more state by what has `n_states` of them, by a sensor before what only rests; gives whether there was one. */
+static int find_next(Shown *shown, int n_states, lanes *lane)
 {
     for (int relation = 0; relation < N_OUTPUTS + N_STATES; relation++) {
         const int state = relation - N_OUTPUTS, reads = state < 0;
@@ -69,8 +73,9 @@ static int find_next(Shown *shown, lanes *lane)
         if (at < 0 || (!reads && !shown->is_known[state])) continue;
         const int *columns = reads ? READING_COLUMN + READING_ROW[relation] : RATE_COLUMN + RATE_ROW[state];
         const int n = reads ? READING_ROW[relation + 1] - READING_ROW[relation] : RATE_ROW[state + 1] - RATE_ROW[state];
-        const int i = only_unknown(shown, columns, n);
-        if (i < 0 || !find_shown(shown, relation, shown->samples[at], i, lane)) continue;
+        int those;
+        const int i = only_unknown(shown, columns, n, &those);
+        if (i < 0 || those != n_states || !find_shown(shown, relation, shown->samples[at], i, lane)) continue;
         shown->is_known[i] = 1;
         return 1;
     }
@@ -83,7 +88,7 @@ static void find_all_shown(double (*samples)[N_SAMPLE], int64_t count, const uns
 {
     Shown shown = {samples, count, state, {0}};
     memcpy(shown.is_known, known, N_STATES);
-    while (find_next(&shown, lane)) {}
+    for (int n_states = 1; n_states <= N_STATES;) n_states = find_next(&shown, n_states, lane) ? 1 : n_states + 1;
 }
 
 FB_OFTEN

@@ -83,7 +83,7 @@ static void begin_job(State *state, int64_t kind, const Trail *trail, int64_t ch
     for (int k = 0; k < N_INPUTS; k++) job->peak[k] = peak_of(&state->inputs, k);
     job->spent = job->opened = job->stage = job->group = 0;
     job->pass = OPENING;
-    job->onset = -1;
+    job->onset = job->likeliest = -1;
     job->most = LOWEST;
     for (int k = 0; k < MOST_ONSETS; k++) job->heard[k] = LOWEST;
 }
@@ -92,7 +92,7 @@ static void begin_job(State *state, int64_t kind, const Trail *trail, int64_t ch
 static void clear_job(Job *job)
 {
     memset(job, 0, sizeof *job);
-    job->ended = job->settled = job->onset = job->old = -1;
+    job->ended = job->settled = job->onset = job->old = job->likeliest = -1;
 }
 
 /* Let all lanes of the plan begin. */
@@ -149,12 +149,17 @@ static void trail_of_job(const State *state, Trail *trail)
     find_bursts(trail);
 }
 
-/* Hear what single parameters say for the onsets that they tried. */
+/* Hear what single parameters say for the onsets that they tried, and at which they are likeliest. */
 static void hear(Job *job)
 {
-    for (int64_t k = 0; k < job->search.n; k++)
+    double most = LOWEST;
+    for (int64_t k = 0; k < job->search.n; k++) {
         for (int l = 0; l < GROUP && job->search.standing[k] == TRIED; l++)
             job->heard[k] = fmax(job->heard[k], job->search.said[k][l]);
+        if (!(job->heard[k] > most)) continue;
+        most = job->heard[k];
+        job->likeliest = job->search.place[k];
+    }
 }
 
 /* Let only those onsets be tried at which a single parameter explains the samples nearly as well as at the best; where that moves
@@ -188,7 +193,7 @@ static void open_search(Job *job, const Trail *trail)
 {
     int64_t places[GROUP];
     const int early = trail->beginning && job->stage <= SLOTS;
-    begin_search(trail, job->change, early, &job->search);
+    begin_search(trail, job->change, job->likeliest, early, &job->search);
     job->search.least = job->most - HOPELESS;
     for (int l = 0; l < GROUP; l++) places[l] = job->begins[l] - job->oldest;
     if (job->pass == CLOSER || (job->kind != BEGINNING && job->stage != RESERVES)) begin_near(places, &job->search);

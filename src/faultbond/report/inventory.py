@@ -66,7 +66,6 @@ SETTINGS = {  # value and meaning of the numbers of the method beside its thresh
     "last_renewal": (_CORE["LAST_RENEWAL"], "samples from the alarm to the last such beginning, at the least"),
     "onset_dense": (_CORE["DENSE"], "samples before the alarm of which each may be tried as onset"),
     "onset_ratio": (_CORE["RATIO"], "ratio of the distances from the alarm of neighbouring onsets further back"),
-    "onset_many": (_CORE["MANY"], "numbers in the covariances of all filters from which on fewer onsets are tried"),
     "wild": (_CORE["WILD"], "standard deviations of an innovation beyond which its sample is tried as onset, too"),
     "process_noise": (PROCESS_NOISE, "sd added to a state each sample, noises of the sensor that shows it best"),
     "gap": (

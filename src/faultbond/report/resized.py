@@ -45,6 +45,14 @@ def raised_text(text: str, graph: BondGraph, variant: Variant) -> tuple[str, tup
     return text, tuple(item for item in told if item.times != 1.0)
 
 
+def resized_in_turn(first: Sequence[Resized], then: Sequence[Resized]) -> tuple[Resized, ...]:
+    """Give how many times as large each is in the end that was resized, and perhaps once more."""
+    times = {item.what: item.times for item in first}
+    for item in then:
+        times[item.what] = times.get(item.what, 1.0) * item.times
+    return tuple(Resized(what=what, times=x) for what, x in times.items())
+
+
 def lowered_text(
     text: str, graph: BondGraph, noises: Sequence[NoiseFound], part: float = 1.0
 ) -> tuple[str, tuple[Resized, ...]]:

@@ -61,7 +61,7 @@ REFUSED: list[tuple[str, tuple[float, ...]]] = [  # numbers that no run has
     ("bank.rejected", (-1, 2)),
     ("bank.onset", (-1, 2**53)),
     *((f"job.{name}", (-1, 4)) for name in ("kind", "renewals", "pass", "search.standing")),
-    *((f"job.{name}", (-2, 2**53)) for name in ("ended", "settled", "onset", "old", "stands_for")),
+    *((f"job.{name}", (-2, 2**53)) for name in ("ended", "settled", "onset", "old", "stands_for", "likeliest")),
     *((f"job.{name}", (-1, 2**53)) for name in ("oldest", "end", "spent", "stage", "group", "next", "begins", "began")),
     *((f"job.{name}", (-1, 2**53)) for name in ("n_wanted", "n_singles", "wanted", "lane", "walk.steps")),
     *((f"job.{name}", (-1, 10**3)) for name in ("search.n", "search.place", "search.best")),

@@ -10,6 +10,7 @@ from faultbond.app import attempt
 from faultbond.app.attempt import Attempt, put_on_trial, raised_until_quiet
 from faultbond.app.engine import build_watcher
 from faultbond.contract.samples import Sample
+from faultbond.fit.innovations import Variant
 from faultbond.fit.lasting_error import as_noise, lasting_errors
 from faultbond.fit.outcome import NoiseFound
 from faultbond.fit.samples import healthy_recording
@@ -115,6 +116,36 @@ def test_what_is_not_quiet_with_it_is_made_so_without(monkeypatch: pytest.Monkey
     quiet, raised, lasting = raised_until_quiet(attempted(TRUTH, 0.6), PROMISE, told)
     assert quiet.quiet
     assert ([item.what for item in raised], lasting) == (["noise of i"], ())
+
+
+def test_what_is_not_quiet_yet_is_raised_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where wider accuracies let parameters move: what is told is how much larger all is in the end."""
+    turns = []
+
+    def too_little_at_first(*of: Any, **more: Any) -> Variant | None:
+        turns.append(of)
+        found = enough(*of, **more)
+        return Variant(noise=(1.1,)) if len(turns) == 1 else found
+
+    monkeypatch.setattr(attempt, "enough", too_little_at_first)
+    monkeypatch.setattr(attempt, "lasting_errors", lambda *_: ())
+    loud = attempted(TRUTH, 0.3)
+    quiet, raised, _ = raised_until_quiet(loud, PROMISE, told)
+    assert quiet.quiet
+    assert len(turns) == 2
+    ((what, times),) = ((item.what, item.times) for item in raised)
+    assert what == "noise of i"
+    assert times == pytest.approx(quiet.graph.sensors[0].noise / loud.graph.sensors[0].noise, rel=0.02)
+    assert times > 1.1
+
+
+def test_what_would_be_louder_than_may_be_in_the_end_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each turn for itself raises by less."""
+    monkeypatch.setattr(attempt, "enough", lambda *_, **_more: Variant(noise=(7.0,)))
+    monkeypatch.setattr(attempt, "lasting_errors", lambda *_: ())
+    monkeypatch.setattr(Attempt, "quiet", property(lambda _: False))
+    _, raised, _ = raised_until_quiet(attempted(TRUTH, 0.3), PROMISE, told)
+    assert [item.times for item in raised] == [7.0]
 
 
 @pytest.mark.parametrize(

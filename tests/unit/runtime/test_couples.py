@@ -401,7 +401,7 @@ def test_a_sensor_and_a_component_begin_at_some_moment_of_a_sample(seed: int, be
     While the pump stands still a leak does about what the meter does, but for those first seconds: it led by
     hundreds of nats.
     """
-    graph, time = parse_model(MAIN), np.arange(380.0)
+    graph, time = parse_model(MAIN), np.arange(400.0)
     speed = np.where(time < 150.0, 90.0, np.where(time < 220.0, 75.0, 95.0))[:, None]
     faults = [Fault(parameter="H", factor=0.85, start=begins), Fault(parameter="flow.bias", value=3e-3, start=begins)]
     made = simulate(graph, Inputs(time=time, values=speed), faults, seed=seed, start={"tank.q": 360.0})

@@ -95,6 +95,38 @@ def test_what_is_shown_far_off_says_how_large_states_are(voltage: float, load: f
     assert sds == pytest.approx(0.0, abs=0.1 * np.max(true))
 
 
+WINDING = """
+name: winding
+sample_time: 0.1 s
+constants: {T_20: 293.15 K, alpha: 0.0039 1/K}
+inputs: {u: {unit: V}, T_air: {unit: K}}
+blocks:
+  resistance: {law: "r = R*(max(th, 150)/310)**slope*(1 + alpha*(th - T_20))",
+    parameters: {R: 0.84 ohm, slope: {nominal: -2.3, range: any}}}
+  coil: {law: der(i) = (u - r*i - k*w)/L, parameters: {L: 0.046 H, k: 1.056 V*s/rad}}
+  rotor: {law: der(w) = (k*i - B*w)/J, parameters: {B: 0.06 N*m*s/rad, J: 0.2 kg*m^2}}
+  copper: {law: der(th) = (r*i**2 - (th - T_air)/R_th)/C, parameters: {R_th: 0.44 K/W, C: 390 J/K}}
+sensors:
+  I: {reads: i, unit: A, noise: 0.1 A}
+  n: {reads: w, unit: rad/s, noise: 0.1 rad/s}
+  T: {reads: th, unit: K, noise: 0.12 K, lag: 6.8 s}
+"""
+
+
+@pytest.mark.parametrize("voltage", [85.0, 98.0, 113.0])
+def test_a_slow_sensor_shows_what_it_reads_before_what_does_not_rest(voltage: float) -> None:
+    """By the current of a coil, which moves, at rest its winding had a temperature that no plant has."""
+    _, core = build_engine(parse_model(WINDING))
+    time = np.asarray(np.arange(START_SAMPLES) * 0.1, dtype=np.float64)
+    values = np.tile([voltage, 297.0], (len(time), 1))
+    true = [6.0, 101.0, 316.5, 316.2]
+    start = dict(zip(("i", "w", "th", "T.lagged"), true, strict=True))
+    made = simulate(parse_model(WINDING), Inputs(time=time, values=values), seed=2, start=start)
+    mean, covariance = solved(core, packed(core.spec, samples_of(time, made.inputs, made.outputs)))
+    assert np.all(np.abs(mean - true) < 3.0 * np.sqrt(np.diag(covariance)))
+    assert mean == pytest.approx(true, abs=1.5)
+
+
 BOX = """
 name: box
 sample_time: 1 s
