@@ -157,9 +157,12 @@ def _runs(
 
 
 def _trials(model: StepModel, levels: FloatArray) -> list[tuple[int, float]]:
-    """Give the changes to be tried: (input, change in SI)."""
-    trials = []
-    for number, (item, level) in enumerate(zip(model.plant.graph.inputs, levels, strict=True)):
+    """Give the changes to be tried: (input, change in SI); none of an input that nobody can move."""
+    trials, graph = [], model.plant.graph
+    still = {item.name for item in graph.checks if item.move == 0.0}
+    for number, (item, level) in enumerate(zip(graph.inputs, levels, strict=True)):
+        if item.name in still:
+            continue
         changes = [wanted - level for wanted in _wanted(item, level)]
         trials += [(number, float(change)) for change in changes]
     return trials

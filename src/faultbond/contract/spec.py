@@ -148,7 +148,10 @@ class Instrument:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckSpec:
-    """Something that a person can check, and what it costs; `noise` of a signal and `move` of an input in SI."""
+    """Something that a person can check, and what it costs; `noise` of a signal and `move` of an input in SI.
+
+    An input with a move of 0 cannot be moved.
+    """
 
     name: str
     kind: CheckKind

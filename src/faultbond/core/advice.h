@@ -7,8 +7,8 @@
    Source: de Kleer and Williams, Artificial Intelligence 32 (1987) 97 (probing by expected entropy).
 
    Parts are components, sensors and inputs, numbered as in `EngineSpec.parts`; tables of parts, inputs and signals: _COST,
-   and _ORDER, which comes first of checks that are worth the same. INPUT_MOVE: by how much an input may be moved, SI; nan:
-   the model file does not say. INPUT_HAS_ZERO: 0 where it is a value like any other, as in degC. INPUT_FITTED_LOW and _HIGH:
+   and _ORDER, which comes first of checks that are worth the same. INPUT_MOVE: by how much an input may be moved, SI; 0: it
+   cannot be; nan: the model file does not say. INPUT_HAS_ZERO: 0 where it is a value like any other, as in degC. INPUT_FITTED_LOW and _HIGH:
    where it was in the recordings of a fit, SI. Formulas: docs/method.md, "Ranking". */
 #ifndef FB_ADVICE_H
 #define FB_ADVICE_H

@@ -255,7 +255,7 @@ class _Writer:
         has_cost = self.stated("cost", item.name, is_default=item.cost == keys.CHECK_COST)
         texts = {"cost": number_text(item.cost) if has_cost else "", "unit": item.unit.text}
         if item.move is not None:
-            texts["move"] = _difference(item.move, self.graph.input(item.name).unit)
+            texts["move"] = _difference(item.move, self.graph.input(item.name).unit) if item.move else "no"
         if item.reads is not None:
             texts |= {"reads": scalar_text(to_text(item.reads)), "noise": self.noise(item)}
         return _flow(texts, keys.CHECK_KEYS)

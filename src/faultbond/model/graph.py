@@ -324,7 +324,7 @@ class Check:
 
     name : a component or block, an input, or of a signal a name of its own
     reads, unit, noise : of a signal: what is measured, with which SI standard deviation; else None, no unit, 0
-    move : of an input: SI size of the change to make, None if it is not stated
+    move : of an input: SI size of the change to make, 0 where nobody can move it, None if it is not stated
     """
 
     name: str

@@ -262,7 +262,7 @@ CHECK_KEYS = Keys(
         "cost": Key(
             {"type": ["string", "number"], "description": "cost in any measure; default 1"}, default=f"{CHECK_COST:g}"
         ),
-        "move": Key(VALUE, "of an input: size of the change, `10 percent`"),
+        "move": Key(VALUE, "of an input: size of the change, `10 percent`; `no`: nobody can move it"),
         "reads": Key(TEXT, "a law of signals: what is measured by hand"),
         "unit": Key(TEXT, "unit of what is measured; default SI", default="SI"),
         "noise": Key(VALUE, "standard deviation of what is measured", default="0"),

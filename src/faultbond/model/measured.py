@@ -324,12 +324,14 @@ class MeasuredReader:
             raise place.error(f": {problem}")
 
     def _move(self, place: Spot, item: Input) -> float:
-        """Give the SI size of the change of an input."""
+        """Give the SI size of the change of an input; `no`: 0, since nobody can move it."""
         own = self.laws.values.measures[item.name]
         if self.head.logic:
             raise place.error(": a logic input has two values; remove it")
+        if place.text().lower() in ("no", "false"):
+            return 0.0
         found = place.quantity(own)
         place.check_unit(found, own)
         if found.difference <= 0:
-            raise place.error(" is a size above 0, such as `10 percent`")
+            raise place.error(" is a size above 0, such as `10 percent`, or `no` where nobody can move it")
         return found.difference

@@ -510,7 +510,8 @@ def _check_row(item: Check, graph: BondGraph) -> tuple[str, str, str]:
             what = "look at it"
         case CheckKind.INPUT:
             unit = graph.input(item.name).unit
-            what = "move it" if item.move is None else f"move it by {_spread(unit, item.move)}"
+            size = "" if item.move is None else f" by {_spread(unit, item.move)}"
+            what = "cannot be moved" if item.move == 0.0 else f"move it{size}"
         case CheckKind.SIGNAL:
             reads = "" if item.reads is None else to_text(item.reads)
             what = f"measure {reads}, noise (sd) {_spread(item.unit, item.noise)}"

@@ -53,6 +53,14 @@ def test_no_input_is_moved_beyond_its_range(ends: str, levels: set[float]) -> No
     assert {round(item.level + item.change, 9) for item in choices} <= levels
 
 
+@pytest.mark.parametrize(("still", "left"), [("u_out: {move: no}", {"u_in"}), ("u_in: {move: no}", set())])
+def test_what_nobody_can_move_is_not_moved(still: str, left: set[str]) -> None:
+    """As the sun, or the air outside."""
+    text = (EXAMPLES / "tank" / "model.yaml").read_text(encoding="utf-8")
+    model = stated(f"{text}checks: {{{still}}}\n")
+    assert {item.input for item in input_advice(model, [["K1"], ["K7"]]).choices} == left
+
+
 def test_a_group_needs_both_moves() -> None:
     """Of {K1}, {K7}, {K4}, {K6} no single move separates all: the closest pair stays where it is."""
     advice = input_advice(example("tank"), [["K1"], ["K7"], ["K4"], ["K6"]])

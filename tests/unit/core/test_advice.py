@@ -52,14 +52,15 @@ inputs:
   V4: {unit: V, fitted_range: [2, 6]}
   V5: {unit: V, range: [0, 1]}
   P4: {unit: percent, range: [5, 75]}
+  P5: {unit: percent}
 components:
-  source: {type: Se, law: e = A*(P0 + P1 + P2 + P3 + P4) + V0 + V1 + V2 + V3 + V4 + V5 + B*(T0 + T1 + T2)}
+  source: {type: Se, law: e = A*(P0 + P1 + P2 + P3 + P4 + P5) + V0 + V1 + V2 + V3 + V4 + V5 + B*(T0 + T1 + T2)}
   series: {type: R, parameters: {R1: 10 ohm}}
   cell: {type: C, parameters: {C1: 1 F}}
 junctions: {loop: 1}
 bonds: [source -> loop, loop -> series, loop -> cell]
 sensors: {v: {reads: cell.e, unit: V, noise: 10 mV}}
-checks: {T2: {move: 5 K}, P1: {move: 20}, P2: {move: 20}, V2: {move: 3}, V4: {move: 3}, V5: {move: 1}}
+checks: {T2: {move: 5 K}, P1: {move: 20}, P2: {move: 20}, V2: {move: 3}, V4: {move: 3}, V5: {move: 1}, P5: {move: no}}
 """
 BY_HAND = """\
 checks:
@@ -274,6 +275,7 @@ def tools() -> Bare:
         ("V5", (0.0, 1.0), 0.0, [1.0]),  # a command that is off or on
         ("V5", (0.0, 1.0), 1.0, [0.0]),
         ("P4", (20.0, 80.0), 30.0, [50.0, 10.0, 70.0, 5.0, 75.0]),  # nor beyond what it can be
+        ("P5", (20.0, 80.0), 30.0, []),  # nobody can move it
     ],
 )
 def test_where_an_input_may_be_moved(name: str, seen: tuple[float, float], now: float, expected: list[float]) -> None:

@@ -144,6 +144,14 @@ checks:
     assert dict(read(more=more).defaults)["cost of vessel, pump"] == "1"
 
 
+@pytest.mark.parametrize("word", ["no", "false"])
+def test_an_input_that_nobody_can_move(word: str) -> None:
+    """It says so, and says so again when it is written."""
+    graph = read(more=f"checks: {{Q: {{move: {word}, cost: 2}}}}\n")
+    assert [(item.name, item.move, item.cost) for item in graph.checks] == [("Q", 0.0, 2.0)]
+    assert parse_model(dump_model(graph)).checks[0].move == 0.0
+
+
 def test_checks_of_networks() -> None:
     """Blocks, and signals of a block network, are checked too; what is measured may have the signal's name."""
     checks = read(base=STATIC, more="checks: {b: 2, x: {move: 1}, y: {reads: y}}\n").checks
@@ -220,7 +228,7 @@ WRONG = [  # what stands in the file, what stands there instead, line, message
     ("name:", "checks: {outlet: {costs: 1}}\nname:", 1, "check outlet: unknown key `costs`; did you mean `cost`"),
     ("name:", "checks: {8: 1}\nname:", 1, "checks: `8` is not a name"),
     ("name:", "checks: {Q: {move: 5 m}}\nname:", 1, r"check Q: move is in m, but m\^3/s is expected"),
-    ("name:", "checks: {Q: {move: 0}}\nname:", 1, "check Q: move is a size above 0"),
+    ("name:", "checks: {Q: {move: 0}}\nname:", 1, "check Q: move is a size above 0, such as `10 percent`, or `no`"),
     ("name:", "checks: {j: {reads: outlet.f}}\nname:", 1, "check j: `noise` is missing; state its standard deviation"),
     ("name:", "checks: {j: {reads: 3, noise: 1}}\nname:", 1, "check j: `3` is always the same"),
     ("name:", "checks: {j: {reads: node.e, noise: 1 Pa}}\nname:", 1, "check j: `node.e` is in m, but its noise in Pa"),
