@@ -1279,7 +1279,7 @@ def test_how_long_a_search_may_take_is_told_of_long_ones() -> None:
         "the first fit took 15 s; the search for what is missing usually takes 75 s to 5 min"
     )
     assert "took 12 min; the search for what is missing usually takes 60 min to 4 h from here" in forecast(720.0, 600.0)
-    assert "; 6 min after its begin it ends by itself, and what was found is made quiet" in forecast(60.0, 600.0)
+    assert "; 5.5 min after its begin it ends by itself, and what was found is made quiet" in forecast(60.0, 600.0)
     assert "by itself" not in forecast(60.0, inf)
 
 
