@@ -123,10 +123,12 @@ def raised_until_quiet(attempt: Attempt, promise: float, tell: Tell) -> tuple[At
     lasting: Lasting = ()
     for _ in range(MOST_TIMES):
         further, more, longer = _raised_once(attempt, promise, tell)
-        together = resized_in_turn(raised, more)
+        replaced = {item.words for item in longer}
+        together = resized_in_turn([item for item in raised if item.what not in replaced], more)
         if any(item.times > LOUDEST for item in together):
             break
-        attempt, raised, lasting = further, together, (*lasting, *longer)
+        attempt, raised = further, together
+        lasting = (*(item for item in lasting if item.words not in replaced), *longer)
         if attempt.quiet or not (more or longer):
             break
     return attempt, raised, lasting

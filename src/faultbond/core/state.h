@@ -134,7 +134,7 @@ typedef struct {
     double values[FB_ROOM(N_COUPLE_LANES)]; /* and at which factors their parameters begin */
     double most;               /* log-likelihood of the likeliest lane that was begun */
     double heard[MOST_ONSETS]; /* log-likelihood of the likeliest single parameter at each onset; LOWEST: not tried */
-    int64_t likeliest;         /* and the place at which they are; -1: none was heard */
+    int64_t likeliest;         /* place of that at which it is most; -1: none was heard */
     int64_t lane[GROUP];       /* the lanes of the group, */
     int64_t begins[GROUP];     /* samples of their best onsets so far, */
     int64_t began[GROUP];      /* and of those before they began from closer, */

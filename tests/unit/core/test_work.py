@@ -46,6 +46,24 @@ void t_latest(State *state, double *told)
     state->clock.alarm = (int64_t)told[2];
     told[0] = (double)latest_end(state);
 }
+/* Let lanes of steps say something at an onset: [which, what]; gives the place of that, of the likeliest so far, and
+   how the onset stands with the lanes that begin next. */
+void t_hear(State *state, double *told)
+{
+    Trail trail;
+    Job *job = &state->job;
+    const int64_t k = (int64_t)told[0];
+    trail_of_job(state, &trail);
+    job->stage = SLOTS;
+    open_search(job, &trail);
+    told[0] = (double)job->search.place[k];
+    job->search.standing[k] = TRIED;
+    for (int l = 0; l < GROUP; l++) job->search.said[k][l] = told[1];
+    hear(job);
+    open_search(job, &trail);
+    told[1] = (double)job->likeliest;
+    told[2] = (double)job->search.standing[k];
+}
 """
 
 
@@ -148,6 +166,16 @@ def test_no_sample_works_for_more_than_its_portion() -> None:
         assert spent >= found[0] or not kind(after)
         asked += 1
     assert asked > 20
+
+
+def test_the_onset_that_is_likeliest_so_far_is_tried_by_all_that_begin_next() -> None:
+    """And by the next, until another is likelier: where the detector's estimate is bad the right lanes have no hope."""
+    required = 2.0
+    portions().restore(whole()[alarm() + 1].save())
+    for which, what, kept in ((9, 1e6, 9), (6, 2e6, 6), (10, 1e6, 6)):
+        told = np.array([which, what, -1.0])
+        portions().call("t_hear", told)
+        assert (told[1] == told[0], told[2] == required) == (which == kept, which == kept)
 
 
 def test_portions_are_even() -> None:

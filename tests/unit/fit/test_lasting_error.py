@@ -10,6 +10,7 @@ from faultbond.app import attempt
 from faultbond.app.attempt import Attempt, put_on_trial, raised_until_quiet
 from faultbond.app.engine import build_watcher
 from faultbond.contract.samples import Sample
+from faultbond.fit.imperfections import Imperfection, Kind
 from faultbond.fit.innovations import Variant
 from faultbond.fit.lasting_error import as_noise, lasting_errors
 from faultbond.fit.outcome import NoiseFound
@@ -18,6 +19,7 @@ from faultbond.fit.trial import LASTING, ROOM, enough, on_trial
 from faultbond.model.graph import BondGraph, SlowError
 from faultbond.model.text import parse_model
 from faultbond.report.fit_result import Fitted
+from faultbond.report.resized import Resized
 from faultbond.simulate import Inputs, simulate
 from faultbond.synthesis.compile import find_compiler
 from made import samples_of
@@ -137,6 +139,17 @@ def test_what_is_not_quiet_yet_is_raised_in_turn(monkeypatch: pytest.MonkeyPatch
     assert what == "noise of i"
     assert times == pytest.approx(quiet.graph.sensors[0].noise / loud.graph.sensors[0].noise, rel=0.02)
     assert times > 1.1
+
+
+def test_what_a_lasting_error_replaces_later_is_no_longer_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither a slow error that was raised before, nor one that lasted less."""
+    loud = attempted(TRUTH, 0.3)
+    first, then = (Imperfection(kind=Kind.ABSOLUTE, place="i", memory=memory) for memory in (1.0, 9.0))
+    noise, slow = (Resized(what=what, times=1.5) for what in ("noise of i", "slow error of i"))
+    turns = iter([((noise, slow), (first,)), ((), (then,)), ((), ())])
+    monkeypatch.setattr(attempt, "_raised_once", lambda *_: (loud, *next(turns)))
+    monkeypatch.setattr(Attempt, "quiet", property(lambda _: False))
+    assert raised_until_quiet(loud, PROMISE, told)[1:] == ((noise,), (then,))
 
 
 def test_what_would_be_louder_than_may_be_in_the_end_stays(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,9 +8,12 @@ from rich.console import Console
 
 from faultbond.equations.plant import build_plant
 from faultbond.equations.step import build_step_model
+from faultbond.model.graph import Check
 from faultbond.model.text import parse_model
-from faultbond.report.inventory import Inventory, check_record, print_check
+from faultbond.report.inventory import Inventory, _check_row, check_record, print_check
 from faultbond.synthesis.specify import build_spec
+from faultbond.types import CheckKind
+from made import graph_of
 
 MODEL = """\
 name: vessel
@@ -68,6 +71,11 @@ def test_promise_and_checks(seen: tuple[str, Inventory]) -> None:
     words = ["false alarms one in 30 d", "outlet look at it 20", "Q move it by 2 l/min 1"]
     words += ["jug measure outlet.f, noise (sd) 0.1 l/min 1"]
     assert [word in text for word in words] == [bool(more)] * 4
+
+
+def test_what_nobody_can_move() -> None:
+    """The check of such an input says so, with its cost."""
+    assert _check_row(Check(name="V", kind=CheckKind.INPUT, move=0.0), graph_of("dc_motor"))[1] == "cannot be moved"
 
 
 def test_record(seen: tuple[str, Inventory]) -> None:
