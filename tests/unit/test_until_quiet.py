@@ -1127,7 +1127,7 @@ def test_a_model_that_hardly_watches_a_part_says_so(
         for part, least in ((before, 0.0), (now, claimed))
     ]
     item = Imperfection(kind=Kind.ABSOLUTE, place="source.e", size=1.0, memory=60.0)
-    health = SimpleNamespace(keeps=True, has_room=True, between=1e9, peak=0.5, walk=0.1)
+    health = SimpleNamespace(keeps=True, has_room=True, between=1e9, peak=0.5, walk=0.1, blind=())
     found = Quieted(
         fitted=cast("Any", SimpleNamespace(graph=graph, strays=(), values={"R": nominal})),
         text="",
@@ -1151,6 +1151,9 @@ def test_a_model_that_hardly_watches_a_part_says_so(
     told = [text for part in quiet_parts(graph, found) for label, text in part.lines if label == "deaf to"]
     assert len(told) == len(deaf)
     assert ("deaf to faults of R" in quiet_verdict(found)) == bool(deaf)
+    assert "faults hide" not in quiet_verdict(found)
+    health.blind = (SimpleNamespace(name="V"),)
+    assert quiet_verdict(found).endswith(" At V faults hide.")
     why = "seen to move so far while healthy" if claimed and deaf else "only changes by more than half show"
     assert all(text.startswith(f"R: {why}") and "laws at source.e" in text for text in told)
 

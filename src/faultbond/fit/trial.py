@@ -7,7 +7,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
-from faultbond.fit.false_alarms import Rate, alarm_rates, between_alarms
+from faultbond.fit.false_alarms import SENSOR, Rate, alarm_rates, between_alarms
 from faultbond.fit.hints import Early, Late, early_sensors, late_sensors, mirrored_sensors
 from faultbond.fit.innovations import Variant, Watch, strayed_in, take_recordings, watch_recording, watch_taken
 from faultbond.fit.lack_of_fit import Moment, Region, moments, wrong_regions
@@ -27,6 +27,7 @@ NEAR = 0.2  # of how far the worst statistic is beyond its limit; noise of senso
 LARGEST, LOUDEST = 5.0, 20.0  # times a slow error, and a noise; one that must be larger is none
 LASTING = 20.0  # samples; a slow error of a sensor that is shorter is much like its noise
 KINDS = ("accuracy", "noise", "slow")
+BLIND = 0.25  # standard deviation of scores, below which most of what a sensor shows is let be
 ROOM = 0.8  # of every limit: recordings that are as quiet are so on other days too
 
 
@@ -81,6 +82,11 @@ class Health:
     def peak(self) -> float:
         """The largest statistic on the recordings as a part of its limit; an alarm above 1."""
         return max((item.peak for item in self.rates), default=0.0)
+
+    @property
+    def blind(self) -> tuple[Rate, ...]:
+        """Sensors of which nearly all is let be."""
+        return tuple(item for item in self.rates if item.kind == SENSOR and item.memory > 0.0 and item.spread < BLIND)
 
     @property
     def has_room(self) -> bool:

@@ -1,6 +1,7 @@
 """Headings, labelled lines and tables on a terminal; the same in every listing."""
 
-from collections.abc import Collection, Iterable, Sequence
+import textwrap
+from collections.abc import Callable, Collection, Iterable, Sequence
 
 from rich import box
 from rich.cells import cell_len
@@ -8,6 +9,8 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
+
+from faultbond.report.numbers import NO_BREAK, kept_together
 
 LONG_WORD = 24  # columns of a word that is broken where there is too little room
 PLAIN_WIDTH = 100  # columns where the output is a file or a pipe
@@ -44,12 +47,26 @@ def lines(console: Console, items: Iterable[tuple[str, str]], style: str = "") -
     items = list(items)
     longest = max((cell_len(label) for label, _ in items), default=0)
     width = min(longest, int(MOST_LABEL * console.width))
-    grid = Table.grid(padding=(0, 2))
+    edge, gap = 1, 2
+    grid = Table.grid(padding=(0, gap))
     grid.add_column(style="dim", overflow="fold", width=width)
     grid.add_column(overflow="fold")
     for label, text in items:
-        grid.add_row(Text(label), Text(text, style=style))
-    console.print(Padding(grid, (0, 0, 0, 1)))
+        grid.add_row(Text(label), Text(wrapped(text, console.width - edge - width - gap), style=style))
+    console.print(Padding(grid, (0, 0, 0, edge)))
+
+
+def wrapped(text: str, width: int) -> str:
+    """Put a text into lines of so many columns, broken between words only; each line that it has stays one."""
+    return "\n".join(map(_filled(max(width, 1)), kept_together(text).split("\n"))).replace(NO_BREAK, " ")
+
+
+def _filled(width: int) -> Callable[[str], str]:
+    """Give what breaks a line where it is longer than a width."""
+    wrapper = textwrap.TextWrapper(
+        width, expand_tabs=False, replace_whitespace=False, break_long_words=False, break_on_hyphens=False
+    )
+    return wrapper.fill
 
 
 def under(label: str, texts: Iterable[str]) -> list[tuple[str, str]]:
@@ -93,7 +110,7 @@ def table(
     for name, width in zip(header, widths, strict=True):
         made.add_column(name, justify="right" if name in right else "left", overflow="fold", width=width)
     for row, style in zip(body, style_of, strict=True):
-        made.add_row(*map(Text, row), style=style)
+        made.add_row(*(Text(wrapped(cell, width)) for cell, width in zip(row, widths, strict=True)), style=style)
     console.print(made)
 
 
@@ -104,7 +121,7 @@ def _widths(
     wanted, least = [], []
     for name, *cells in zip(header, *rows, strict=True):
         lines_ = [line for cell in (name, *cells) for line in cell.splitlines()]
-        words = [word for line in lines_ for word in line.split()]
+        words = [word for line in lines_ for word in kept_together(line).split(" ")]
         wanted.append(max(map(cell_len, lines_), default=1))
         least.append(wanted[-1] if name in whole else min(max(map(cell_len, words), default=1), LONG_WORD))
     if sum(wanted) <= room:

@@ -267,8 +267,8 @@ def _accuracy_text(item: Estimate, *, in_unit: bool = False) -> str:
 
 
 def spread_text(size: float, value: float, unit: Unit) -> str:
-    """Give a standard deviation, SI, in per cent of a value; in a unit where that is 0, or is a temperature."""
-    if value and not unit.offset:
+    """Give a standard deviation, SI, in per cent of a value; in a unit where that is less, or is a temperature."""
+    if value and size <= abs(value) and not unit.offset:
         return f"{rounded_up(100.0 * size / abs(value))} %"
     own = unit.of_differences
     return _joined(rounded_up(size / own.factor), own)

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from faultbond.contract.json_records import Record
 from faultbond.contract.spec import EngineSpec
-from faultbond.fit.false_alarms import FARTHEST, SENSOR
+from faultbond.fit.false_alarms import FARTHEST
 from faultbond.fit.lack_of_fit import Region
 from faultbond.fit.trial import FACTORS, Health
 from faultbond.model.graph import BondGraph, Input, Unit
@@ -23,7 +23,6 @@ MOST_REGIONS = 6
 MOST_OF_ONE = 2  # regions of a sensor: what one reads wrong shows wherever some input is
 MOST_DIGITS = 9  # of the ends of a range
 MUCH = 0.8  # of the limit of a walk
-BLIND = 0.25  # standard deviation of scores, below which most of what a sensor shows is let be
 MANY = 10.0  # times a limit; more is not told in percent
 GROSS = 20.0  # times the limit of an alarm: then what is declared larger is no cure, but the end of all watching
 YEAR = 365.25 * 86400.0  # s
@@ -135,8 +134,7 @@ def where_lines(graph: BondGraph, found: Health) -> list[tuple[str, str]]:
     blind = [
         f"{item.name} scores 0 ± {item.spread:.2f}: it is let be nearly anything, so faults hide there; declare noise, "
         "slow errors or accuracies smaller"
-        for item in found.rates
-        if item.kind == SENSOR and item.memory > 0.0 and item.spread < BLIND
+        for item in found.blind
     ]
     return under("blind", blind) + told + under("moments", moments) + under("hints", list(_hints(graph, found)))
 

@@ -1,6 +1,5 @@
 """One self-contained HTML page about a run; it opens from a file and needs no network."""
 
-import re
 from collections.abc import Mapping
 from importlib import resources
 
@@ -8,7 +7,15 @@ from faultbond.contract.findings import Diagnosis, History
 from faultbond.model.graph import BondGraph
 from faultbond.report.chart import ChartSection, payload
 from faultbond.report.drawing import STRONGEST, draw, graph_title
-from faultbond.report.numbers import NO_BREAK, TIMES, Notation, clock_text, duration_text, probability_text
+from faultbond.report.numbers import (
+    NO_BREAK,
+    TIMES,
+    Notation,
+    clock_text,
+    duration_text,
+    kept_together,
+    probability_text,
+)
 from faultbond.report.run_figures import chart_sections
 from faultbond.report.suspects import instrument_title
 from faultbond.report.template import page_template
@@ -99,8 +106,7 @@ def render_page(
 
 def _unbroken(sentence: str) -> str:
     """Keep a number and its power of ten, and a number and its per cent sign or unit of time, on one line."""
-    sentence = re.sub(r"(\d) (s|min|h|d|UTC)\b", rf"\1{NO_BREAK}\2", sentence)
-    return sentence.replace(" %", f"{NO_BREAK}%").replace(f" {TIMES} ", f"{NO_BREAK}{TIMES}{NO_BREAK}")
+    return kept_together(sentence).replace(f" {TIMES} ", f"{NO_BREAK}{TIMES}{NO_BREAK}")
 
 
 def _instruments(graph: BondGraph, diagnosis: Diagnosis) -> list[tuple[str, str, str]]:

@@ -1,7 +1,6 @@
 """What was understood of a model: names, causality, states, loops, and every number in force; as record and text."""
 
 import math
-import textwrap
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 
@@ -20,7 +19,7 @@ from faultbond.model.expression import names, rename
 from faultbond.model.graph import BondGraph, Check, Component, Curve, Parameter, Relation, Sensor, Unit, Validity
 from faultbond.model.keys import BETWEEN, BEYOND, NOISES_OF
 from faultbond.model.parser import to_text
-from faultbond.report.console import headline, lines, table, title, under
+from faultbond.report.console import headline, lines, table, title, under, wrapped
 from faultbond.report.lateness import lag_lines, validity_lines
 from faultbond.report.numbers import NO_BREAK, duration_text, figure, unit_text, with_noun, with_unit
 from faultbond.report.oddities import oddities
@@ -414,8 +413,7 @@ def _located(parts: Iterable[str], graph: BondGraph) -> str:
 
 def _wrapped(items: Iterable[str], width: int) -> str:
     """Put items in lines, none of them broken."""
-    whole = ", ".join(item.replace(" ", NO_BREAK) for item in items)
-    return textwrap.fill(whole, max(width, 1), break_long_words=False, break_on_hyphens=False).replace(NO_BREAK, " ")
+    return wrapped(", ".join(item.replace(" ", NO_BREAK) for item in items), width)
 
 
 def _states(seen: Inventory) -> Iterator[str]:

@@ -15,7 +15,7 @@ SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 UNIX_CLOCK = 1e8  # seconds; a clock beyond this (March 1973) counts Unix seconds
 NO_DATE = 253402300799.0  # s; the calendar ends with the year 9999
 TINY = 1e-300  # smaller numbers are 0
-UNLIKE = 15  # powers of ten between a value and its standard deviation beyond which one of them is all that is known
+UNLIKE = 9  # powers of ten between a value and its standard deviation beyond which one of them is all that is known
 VAST = 1e9  # beyond it a change in per cent, or a time, is told by its power of ten
 PLAIN_EXPONENTS = range(-3, 5)  # powers of ten that are written out
 PACES = ((1.0, "s"), (60.0, "min"), (3600.0, "h"), (86400.0, "d"))
@@ -149,6 +149,12 @@ def with_unit(
 ) -> str:
     """Give a number, rounded as by `figure`, and its unit."""
     return f"{figure(value, sd, digits).number(notation)} {unit_text(unit, notation)}".rstrip()
+
+
+def kept_together(text: str) -> str:
+    """Give a text in which no number stands in another line than its per cent sign or its unit of time."""
+    numbers = re.sub(r"(\d) (s|min|h|d|UTC)\b", rf"\1{NO_BREAK}\2", text)
+    return numbers.replace(" %", f"{NO_BREAK}%")
 
 
 def with_noun(number: int, noun: str) -> str:

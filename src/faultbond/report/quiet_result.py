@@ -533,7 +533,8 @@ def quiet_verdict(found: Quieted) -> str:
     if found.unfinished:
         return f"The search was stopped before its end. {quiet_verdict(replace(found, stopped=None, failed=None))}"
     between = spacing_text(health.between)
-    deaf = f" The model is deaf to faults of {join(found.deaf)}." if found.deaf else ""
+    hidden = f" At {join([item.name for item in health.blind])} faults hide." if health.blind else ""
+    deaf = f" The model is deaf to faults of {join(found.deaf)}.{hidden}" if found.deaf else hidden
     if found.quiet and not health.has_room:
         nearest = max(health.peak, health.walk)
         return (

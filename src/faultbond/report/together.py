@@ -29,11 +29,12 @@ def closest_texts(parameters: Mapping[str, Parameter], correlations: Sequence[Co
 
 
 def _text(one: Parameter, other: Parameter, value: float) -> str:
-    """Say how well two parameters are known beside each other; of values about 0 there is no ratio."""
+    """Say how well two parameters are known beside each other; of values about 0, or not known, there is no ratio."""
     words = f"{one.name} and {other.name} {value:g}"
     if one.nominal != 0.0 and other.nominal != 0.0:
         a, b = one.accuracy / one.nominal, other.accuracy / other.nominal
         what = "ratio" if value * a * b > 0.0 else "product"
         known = math.sqrt(a * a + b * b - 2.0 * abs(value * a * b))
-        words = f"{words}: their {what} is known to {figure(100.0 * known, digits=2).number()} %"
+        if known < 1.0:
+            words = f"{words}: their {what} is known to {figure(100.0 * known, digits=2).number()} %"
     return words.replace("-", MINUS)

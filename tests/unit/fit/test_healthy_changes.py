@@ -12,6 +12,8 @@ from faultbond.contract.samples import Sample
 from faultbond.fit.healthy_changes import Believed, healthy_changes, spread_beyond
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.model.text import parse_model
+from faultbond.model.units import unit
+from faultbond.report.fit_result import spread_text
 from faultbond.runtime.core import Core
 from faultbond.synthesis.compile import find_compiler
 
@@ -123,3 +125,13 @@ def test_chance_is_no_spread() -> None:
     rng = np.random.default_rng(5)
     found = [spread_beyond(rng.standard_normal(8), np.ones(8)) for _ in range(4000)]
     assert np.mean(np.array(found) > 0.0) == pytest.approx(0.01, abs=0.005)
+
+
+def test_a_change_of_more_than_the_value_itself_is_written_in_its_unit() -> None:
+    """Per cent of a value that came near 0 say nothing, and what is written reads back as what was found."""
+    ohm = unit("mohm")
+    assert spread_text(0.0421, 3.0, ohm) == "1.5 %"
+    assert spread_text(0.0421, 1e-4, ohm) == "43 mohm"
+    told = f"{{nominal: 0.1 mohm, healthy_change: {spread_text(0.0421, 1e-4, ohm)}}}"
+    text = MODEL.replace("{R: 3 ohm}", f"{{R: {told}}}")
+    assert parse_model(text, file="winding.yaml").parameter("R").healthy_change == pytest.approx(0.043)

@@ -4,7 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,10 +14,11 @@ from faultbond.cli import DONE, main
 from faultbond.fit.outcome import LEAST_ACCURACY, Estimate, correlations_of
 from faultbond.io.recording import write_recording
 from faultbond.model.correlations import is_definite
-from faultbond.model.graph import Parameter, Unit
+from faultbond.model.graph import Correlation, Parameter, Unit
 from faultbond.model.text import load_model
 from faultbond.report.fit_result import _new_parameter, _parameter_row
 from faultbond.report.numbers import MINUS
+from faultbond.report.together import together_texts
 
 MODEL = """# a circuit
 name: circuit
@@ -80,6 +81,16 @@ def test_a_circuit_whose_product_shows(tmp_path: Path, capsys: pytest.CaptureFix
     assert load_model(tmp_path / "fixed.yaml").correlations == ()
     assert main(["check", str(new)]) == DONE
     assert f"R and C {MINUS}{-together.value:g}: their product" in capsys.readouterr().out
+
+
+def test_of_parameters_that_are_hardly_known_no_ratio_is_told() -> None:
+    """A product that is known to 310 % is not known."""
+    one, other = (SimpleNamespace(name=name, nominal=2.0, accuracy=4.4) for name in "RC")
+    together = Correlation(one="R", other="C", value=-0.5)
+    parameters = cast("dict[str, Parameter]", {"R": one, "C": other})
+    assert together_texts(parameters, [together]) == [f"R and C {MINUS}0.5"]
+    one.accuracy = other.accuracy = 0.2
+    assert together_texts(parameters, [together]) == [f"R and C {MINUS}0.5: their product is known to 10 %"]
 
 
 POT = """name: pot

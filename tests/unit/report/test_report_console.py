@@ -51,3 +51,19 @@ def test_texts_have_room_beside_labels_of_any_length(label: str) -> None:
     assert all(word in told for word in label.split())
     assert "solved from the first samples" in printed_lines[0]
     assert printed_lines[-1].split() == ["start", "0", "s"]
+
+
+@pytest.mark.parametrize("width", range(24, 60))
+def test_no_number_stands_without_its_sign_or_its_time(width: int) -> None:
+    """In a line beside a label as in a cell; what is longer than a line is broken all the same."""
+    told = "Rth 3.7 %, F0 2.3 % and mu 5.5 % on healthy data, for 30 s or 2.5 min, as told by a" + 90 * "o"
+    out = StringIO()
+    console = Console(file=out, width=width)
+    lines(console, [("moves", told)])
+    table(console, ("moves", "text"), [("a", told)])
+    shown = out.getvalue()
+    assert "\N{NO-BREAK SPACE}" not in shown
+    assert all(len(line) <= width for line in shown.splitlines())
+    starts = {line.split()[0] for line in shown.splitlines() if line.strip()}
+    assert starts.isdisjoint({"%", "%,", "s", "min,"})
+    assert shown.count("3.7 %,") == shown.count("2.5 min,") == 2
