@@ -19,13 +19,14 @@ def quiet_record(
 ) -> dict[str, Any]:
     """Fit a first model until quiet to two recordings of the true one; give the record of what was done.
 
-    moves : gives the course of the only input by the seed, one value each `step`, s
+    moves : gives the course of the only input, or a column for each, by the seed, one value each `step`, s
     """
     (folder / "first.yaml").write_text(first, encoding="utf-8")
     plant = parse_model(truth)
     for seed in (1, 2):
         values = moves(seed)
-        made = simulate(plant, Inputs(time=step * np.arange(float(len(values))), values=values[:, None]), seed=seed)
+        inputs = Inputs(time=step * np.arange(float(len(values))), values=values.reshape(len(values), -1))
+        made = simulate(plant, inputs, seed=seed)
         names = [*(item.name for item in plant.inputs), *(item.name for item in plant.sensors)]
         columns = zip(names, np.column_stack([made.inputs, made.outputs]).T, strict=True)
         write_recording(folder / f"{seed}.csv", {"time": made.time} | dict(columns))

@@ -10,10 +10,12 @@ from faultbond.errors import StructureError
 from faultbond.fit.delays import HINT, late_ones
 from faultbond.fit.evidence import likelihoods
 from faultbond.fit.foothold import Added, Footing
+from faultbond.fit.ground import LEAST_LAG
 from faultbond.fit.imperfections import Imperfection, Kind, parameter_name, without_lag
 from faultbond.fit.quiet_search import AGAIN, CLOSE, FEWEST, NO_LAG, WORTH, Search
 
-MANY = 3  # lags that are asked for together
+MANY = 3  # lags of sensors that are asked for together,
+SEVERAL = 2  # and of inputs beside them
 NEXT_TO_NONE = 0.01  # samples: a lag that is none
 NEARLY_ALL = 0.9  # of what the lags of sensors explain, that the lag of an input in their place has to
 ALIKE = 1.3  # times the shortest, up to which lags are about alike
@@ -34,25 +36,57 @@ def late_together(search: Search, stand: Footing) -> Footing | None:
     """Give where the lags of all sensors that seem to lag lead together, where many do; None: few do, or no better.
 
     Sensors that all come behind are the first thing that a model of a quick plant leaves out, and one by one they cost
-    a round for a few of them. A lag that is none comes down to the least there is, and goes. None of an input is among
-    them: it would be the same as one of all sensors, and neither could be told.
+    a round for a few of them. A lag that is none comes down to the least there is, and goes. Inputs are asked beside
+    them, from there.
     """
-    hints = [item for item in late_ones(stand, search.trained) if item[0].kind is Kind.LAG and item[0].is_sensor]
-    new = (item for item, gain in hints if gain > HINT and is_new(search, stand, item, gain))
-    lags = [replace(item, size=search.step) for item in new]
+    hints = [item for item in late_ones(stand, search.trained) if item[0].kind is Kind.LAG]
+    new = [item for item, gain in hints if gain > HINT and is_new(search, stand, item, gain)]
+    lags = [replace(item, size=search.step) for item in new if item.is_sensor]
     if len(lags) < MANY or search.asked_together >= {item.key for item in lags}:
         return None
     search.asked_together |= {item.key for item in lags}
     search.tell(f"fitting {', '.join(item.words for item in lags)} together, since many seem to lag")
+    found = _together(search, stand, stand, lags)
+    if found is None or not found.held - stand.held >= WORTH:
+        return None
+    return _with_inputs(search, stand, found, [item for item in new if not item.is_sensor]) or found
+
+
+def _with_inputs(search: Search, stand: Footing, late: Footing, inputs: Sequence[Imperfection]) -> Footing | None:
+    """Give where lags of several inputs lead that have a part of those of all sensors; None: sensors alone are as good.
+
+    On a linear plant all inputs that come behind are as all sensors that do, by as much. So where all inputs have what
+    the sensors have in common a climb begins about as high, and from there each finds its own: a valve is slower than
+    a pump. Of one input that tells nothing.
+    """
+    if len(inputs) < SEVERAL:
+        return None
+    sensors = [item.what for item in late.added[len(stand.added) :]]
+    shared = min(item.size for item in sensors)
+    left = [replace(item, size=max(item.size - shared, LEAST_LAG * search.step)) for item in sensors]
+    lags = [*left, *(replace(item, size=shared) for item in inputs)]
+    search.tell(f"fitting {', '.join(item.words for item in inputs)} beside them")
+    begin = replace(stand, values={name: late.values[name] for name in stand.values})
+    found = _together(search, stand, begin, lags)
+    if found is None:
+        return None
+    more = len(found.added) - len(late.added)
+    return found if found.held - late.held >= WORTH * max(more, 1) else None
+
+
+def _together(search: Search, stand: Footing, begin: Footing, lags: Sequence[Imperfection]) -> Footing | None:
+    """Give where lags lead together from a footing, those gone of which nothing is left; None: nowhere higher.
+
+    All of what they gain is told of the first.
+    """
     with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
-        near = search.ground_with(stand, lags).climbed(stand, *lags, few=True)
+        near = search.ground_with(begin, lags).climbed(begin, *lags, few=True)
         lasting = [item.what for item in near.added[len(stand.added) :] if item.what.size > NO_LAG * search.step]
         if not lasting or not near.few - stand.few >= FEWEST:
             return None
         begin = replace(stand, values={name: near.values[name] for name in stand.values})
         found = search.ground_with(begin, lasting).climbed(begin, *lasting)
-        if found.held - stand.held >= WORTH:
-            return replace(found, added=(*stand.added, *_told_of_first(found.added[len(stand.added) :])))
+        return replace(found, added=(*stand.added, *_told_of_first(found.added[len(stand.added) :])))
     return None
 
 

@@ -36,7 +36,7 @@ bonds: [source -> line, line -> R1, line -> first, first -> C1, first -> between
 sensors:
   v1: {reads: first.e, unit: V, noise: 10 mV}
   v2: {reads: second.e, unit: V, noise: 10 mV}
-  i: {reads: line.f, unit: mA, noise: 0.02 mA}
+  i: {reads: line.f, unit: A, noise: 0.02 mA}
 """
 LAGS = {"v1": 0.12, "v2": 0.2, "i": 0.15}
 
@@ -70,6 +70,24 @@ def test_one_input_that_lags_is_not_taken_for_its_sensors(tmp_path: Path) -> Non
     found = quiet_record(tmp_path, LADDER, truth, steps, STEP)
     assert [(item["kind"], item["of"]) for item in found["added"]] == [("lag", "V")]
     assert found["added"][0]["size"] == pytest.approx(0.15, rel=0.1)
+    assert found["quiet"]
+
+
+def test_several_inputs_that_lag_are_told_from_their_sensors(tmp_path: Path) -> None:
+    """Two inputs come behind by times of their own, and one sensor; the other sensors only seem to."""
+    model = LADDER.replace("{V: {unit: V}}", "{V: {unit: V}, drawn: {unit: A}}")
+    model = model.replace("-> load]", "-> load, tap -> second]")
+    model = model.replace("junctions:", "  tap: {type: Sf, law: f = -drawn}\njunctions:")
+    truth = model.replace("unit: V}, drawn: {unit: A}", "unit: V, lag: 0.12 s}, drawn: {unit: A, lag: 0.25 s}")
+    truth = truth.replace("i: {reads", "i: {lag: 0.15 s, reads")
+
+    def moves(seed: int) -> FloatArray:
+        drawn = np.repeat(np.random.default_rng(10 + seed).choice([0.0, 0.2e-3, 0.5e-3], 30), 40)
+        return np.column_stack([steps(seed), drawn])
+
+    found = quiet_record(tmp_path, model, truth, moves, STEP)
+    times = {item["of"]: item["size"] for item in found["added"]}
+    assert times == {name: pytest.approx(time, rel=0.1) for name, time in {"V": 0.12, "drawn": 0.25, "i": 0.15}.items()}
     assert found["quiet"]
 
 
@@ -126,3 +144,45 @@ def test_lags_are_kept_that_last_where_they_foretell_better(
     assert (None if lagging is None else [item.what.place for item in lagging.added]) == kept
     if lagging is not None:
         assert [item.held for item in lagging.added] == [held, *[0.0] * (len(lagging.added) - 1)]
+
+
+@pytest.mark.parametrize(
+    ("inputs", "held", "sizes", "kept"),
+    [
+        (("V", "w"), 57.0, {"V": 0.2, "w": 0.3}, ["v1", "i", "V", "w"]),  # v2 has come down to the least
+        (("V",), 57.0, {"V": 0.2, "w": 0.3}, ["v1", "v2", "i"]),  # of one input that tells nothing
+        (("V", "w"), 57.0, {"V": 0.01, "w": 0.3}, ["v1", "i", "w"]),
+        (("V", "w"), 57.0, {"V": 0.01, "w": 0.01}, ["v1", "v2", "i"]),  # inputs follow at once, as sensors do alone
+        (("V", "w"), 52.0, {"V": 0.2, "w": 0.3}, ["v1", "v2", "i"]),  # a further lag has to foretell better,
+        (("V", "w"), 55.0, {"V": 0.2, "w": 0.3, "v2": 0.1}, ["v1", "v2", "i"]),  # and two of them twice as much
+    ],
+)
+def test_what_sensors_share_is_asked_of_several_inputs(
+    inputs: tuple[str, ...], held: float, sizes: dict[str, float], kept: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Begun where inputs have what is common to all sensors, which keep the rest."""
+    hints = [(Imperfection(kind=Kind.LAG, place=name, is_sensor=True), 100.0) for name in ("v1", "v2", "i")]
+    hints += [(Imperfection(kind=Kind.LAG, place=name), 100.0) for name in inputs]
+    hints.append((Imperfection(kind=Kind.RATE_LIMIT, place="w", size=1.0), 100.0))
+    alone = {"v1": 0.4, "v2": 0.25, "i": 0.3}
+    begun: list[dict[str, float]] = []
+
+    def climbed(begin: Footing, *asked: Imperfection, **_: object) -> Footing:
+        begun.append({item.place: item.size for item in asked})
+        beside = any(not item.is_sensor for item in asked)
+        found = {"v1": 0.2, "v2": 0.01, "i": 0.1} | sizes if beside else alone
+        new = (Added(what=replace(x, size=found[x.place]), trained=9.0, held=9.0) for x in asked)
+        return replace(begin, few=begin.few + 100.0, held=held if beside else 50.0, added=(*begin.added, *new))
+
+    monkeypatch.setattr(lags, "late_ones", lambda *_: hints)
+    search = SimpleNamespace(trained=(), step=STEP, idle={}, refused={}, asked_together=frozenset())
+    search.tell, search.ground_with = (lambda _: None), (lambda *_: SimpleNamespace(climbed=climbed))
+    lagging = lags.late_together(cast(Any, search), Footing(graph=parse_model(LADDER), values={}, starts={}))
+    assert lagging is not None
+    assert [item.what.place for item in lagging.added] == kept
+    if len(inputs) > 1:
+        shared, least = 0.25, 0.2 * STEP
+        left = {"v1": 0.4 - shared, "v2": least, "i": 0.3 - shared}
+        assert begun[2] == pytest.approx(left | {"V": shared, "w": shared})
+    else:
+        assert len(begun) == 2
