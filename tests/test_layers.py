@@ -28,6 +28,7 @@ LATE_IMPORTS = (
     ("app", "faultbond.app.self_test"),  # loads casadi and scipy
     ("app", "faultbond.app.quiet_fit"),  # loads casadi and scipy
     ("app", "faultbond.app.markers"),  # after an alarm only
+    ("app", "faultbond.app.standstill"),  # hardly ever
     ("app", "faultbond.app.stated_starts"),  # after an alarm only
     ("app", "faultbond.app.unfamiliar"),  # after an alarm only
     ("app", "faultbond.app.unit_guess"),  # loads the units

@@ -1,6 +1,7 @@
 """Sensors and inputs without values, and rows out of order: said, and no plant is called healthy that nobody saw."""
 
 import json
+import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -225,3 +226,34 @@ def test_check_names_the_column_that_gave_hardly_a_value(tmp_path: Path, capsys:
     assert main(["check", MODEL, "--data", recording]) == 0
     told = "column 'i': the sensor i gave a value in 100 of 900 samples, none from 1.98 s on."
     assert capsys.readouterr().err == f"faultbond: {recording}: {told}\n"
+
+
+def stood(rows: Rows, first: int, last: int) -> Rows:
+    """Give rows in which the current stays as it was at one of them."""
+    return [[*cells[:3], rows[first][3]] if first <= k < last else cells for k, cells in enumerate(rows)]
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "noise", "is_said"),
+    [
+        (200, 500, "50 A", True),
+        (ROWS - 100, ROWS, "50 A", True),  # to the end
+        (200, 280, "50 A", False),  # less than a tenth of the recording
+        (200, 500, "0.1 mA", False),  # it does not resolve so small a noise
+    ],
+)
+def test_a_sensor_that_stands_still_is_told(
+    first: int, last: int, noise: str, is_said: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where its noise is declared so large that no alarm comes, a fault hides there; the text says since when."""
+    text = Path(MODEL).read_text(encoding="utf-8")
+    model = tmp_path / "model.yaml"
+    (line,) = (line for line in text.splitlines() if line.lstrip().startswith("i:") and "noise" in line)
+    model.write_text(text.replace(line, re.sub(r"noise: [^,}]*", f"noise: {noise}", line)), encoding="utf-8")
+    rows = stood(rows_of()[1], first, last)
+    main(["run", str(model), recording_in(tmp_path, rows)])
+    said = " ".join(capsys.readouterr().out.split())
+    since, until = (f"{float(rows[k][0]):g} s" for k in (first, last - 1))
+    told = f"the same to the last digit, from {since} to {until}: stuck, unless nothing moved then."
+    assert (told in said) is is_said
+    assert ("stuck, unless" in said) is is_said

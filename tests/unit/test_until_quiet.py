@@ -1260,6 +1260,43 @@ def test_a_round_is_left_when_the_time_is_up(
     assert found["out_of_time"]
 
 
+@pytest.mark.usefixtures("no_sizes")
+@pytest.mark.parametrize("worth", [WORTH - 1.0, 1e6])
+def test_the_best_of_a_round_is_kept_where_its_time_is_up(
+    worth: float, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of what was tried alone, before it is known what belongs beside it, if it foretells better."""
+    made = [write(tmp_path / f"{seed}.csv", seed=seed, lag=0.1) for seed in (1, 2)]
+    late = list[bool]()
+
+    def joint(search: Search, stand: Footing, *_: object) -> None:
+        assert search.by_then is not None
+        search.by_then = replace(search.by_then, held=stand.held + worth)
+        late.append(True)
+        search.tell("asking what belongs beside it")
+
+    monkeypatch.setattr(further, "_joint", joint)
+    monkeypatch.setattr(deadline, "monotonic", lambda: 1e9 if late else 0.0)
+    found = records(tmp_path, model, *made, "--within", "1 h", "-o", tmp_path / "new.yaml")["quiet"]
+    said = capsys.readouterr().err
+    assert late == [True]
+    assert ("added, as the best by then: lag of " in said) is (worth > WORTH)
+    assert [item["kind"] for item in found["added"]] == ["lag"] * (worth > WORTH)
+    assert found["rounds"] == len(found["added"])
+    assert (found["out_of_time"], found["quiet"]) == (True, True)
+    assert bool(found["raised"] or found["lasting"]) is (worth < WORTH)  # a lag is all that this plant lacks
+
+
+def test_what_a_round_had_before_it_ended_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A round that ends by itself leaves nothing to a later one that does not."""
+    monkeypatch.setattr(further, "late_together", lambda *_: None)
+    monkeypatch.setattr(further, "worth_fitting", lambda *_: [])
+    search = SimpleNamespace(by_then=object())
+    stand = Footing(graph=parse_model(MODEL, file="m.yaml"), values={}, starts={})
+    assert further.better(cast("Search", search), stand) is None
+    assert search.by_then is None
+
+
 def test_a_time_without_a_search_is_refused(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It bounds what is asked for by another option."""
     assert main(["fit", str(model), str(write(tmp_path / "a.csv", seed=1)), "--within", "10 min"]) == 2

@@ -172,7 +172,29 @@ def watch_plant(
     paced = () if live or before is not None else pace_of(grid, run.watcher.spec.sample_time)
     remarks = () if live else _slowness(course.pace, run.watcher.spec.sample_time)
     run = replace(run, texts=(*texts.sentences(), *paced), remarks=remarks, stopped=stopped)
-    return run if live or before is not None or stopped is not None else _looked_at_again(plant, recording, run)
+    if live or before is not None or stopped is not None:
+        return run
+    if not isinstance(recording, MemoryTable) and not Path(recording).is_file():
+        return run  # what can be read once only
+    return _looked_at_again(plant, recording, _with_standstills(plant, recording, run))
+
+
+def _with_standstills(plant: WatchedPlant, recording: Recording, run: PlantRun) -> PlantRun:
+    """Give a run that says which sensors stood still for long, where any value of any did."""
+    if not run.course.counts.frozen or run.no_verdict:
+        return run
+
+    from faultbond.app.standstill import standing_still, standstill_sentence  # noqa: PLC0415 - hardly ever
+
+    with suppress(RecordingError):  # it was read before: what has become of it since is no matter of this run
+        told = standstill_sentence(standing_still(plant.graph, _points_again(plant, recording, run)))
+        return replace(run, remarks=(*filter(None, (told,)), *run.remarks))
+    return run
+
+
+def _points_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -> Iterator[PointBlock]:
+    """Give the grid points of a recording that was watched."""
+    return _points(read_blocks(recording, plant.columns), new_grid(run.watcher.spec, live=False))
 
 
 def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -> PlantRun:
@@ -180,8 +202,6 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
     watcher, alarm = run.watcher, run.course.found.open
     if not isinstance(watcher, BankWatcher) or alarm is None or run.verdict is not Verdict.FAULT:
         return run
-    if not isinstance(recording, MemoryTable) and not Path(recording).is_file():
-        return run  # what can be read once only
 
     from faultbond.app.markers import marker_sentence, markers_in  # noqa: PLC0415 - after an alarm only
     from faultbond.app.stated_starts import SOUGHT, contradictions, start_sentence  # noqa: PLC0415 - after an alarm only
@@ -190,7 +210,7 @@ def _looked_at_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -
     from faultbond.report.shortcomings import active_sentence, hidden_sentence  # noqa: PLC0415 - after an alarm only
 
     def points() -> Iterator[PointBlock]:
-        return _points(read_blocks(recording, plant.columns), new_grid(watcher.spec, live=False))
+        return _points_again(plant, recording, run)
 
     with suppress(RecordingError):  # it was read before: what has become of it since is no matter of this run
         told = sentence_of(guess_units(iter(watcher.unnamed, None), points(), alarm))

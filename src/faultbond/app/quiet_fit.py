@@ -35,7 +35,7 @@ from faultbond.fit.identification import Fit, Halted, Prior, fit_plant
 from faultbond.fit.lags import of_an_input
 from faultbond.fit.objective import FitPoint, FittedPlant
 from faultbond.fit.offset import centred
-from faultbond.fit.quiet_search import ROUNDS, Search, Tell
+from faultbond.fit.quiet_search import ROUNDS, WORTH, Search, Tell
 from faultbond.fit.samples import HealthyRecording, healthy_recording
 from faultbond.fit.session import begin_at, build_fit, free_parameters, likelier_begin
 from faultbond.fit.trial import MONTH, ROOM, alarms_of, on_trial, stays_below
@@ -247,7 +247,7 @@ def _searched(
 ) -> Generator[ByThen, None, tuple[Attempt, Quieted]]:
     """Add one thing after the other until it is quiet, or nothing gains; return the model on trial, and what is found.
 
-    Yields what is found after each step.
+    Yields what is found after each step. Where the time is up in a round, the best that it had by then is added.
     """
     tried: Attempt | None = None
     prior = Prior(wishes.prior)
@@ -255,6 +255,7 @@ def _searched(
     asked = dict.fromkeys(may_stray, inf)
     for rounds in range(ROUNDS + 1):
         better, may_go_on = None, rounds < ROUNDS and deadline.has(SEARCH)
+        search.by_then = None
         if _seems_quiet(stand, read, deadline):
             again = partial(_cured_again, search, stand, asked)
             better = deadline.in_time(SEARCH, again) if may_go_on else None
@@ -268,6 +269,9 @@ def _searched(
             deadline(f"looking for what is missing, round {rounds + 1} of at most {ROUNDS}")
             better = deadline.in_time(SEARCH, partial(_next, search, stand, asked))
         if better is None:
+            if (best := search.by_then) is not None and best.held - stand.held >= WORTH:
+                deadline(f"added, as the best by then: {_added_words(stand, best)}")
+                stand, tried, now = best, None, replace(now, added=best.added, rounds=rounds + 1)
             break
         deadline(f"added: {_added_words(stand, better)}")
         settled = partial(_settled, search, better)

@@ -6,6 +6,7 @@ const UNIX_CLOCK = 1e8;   // s; a clock beyond this counts Unix seconds
 const PACES = [[1, "s", "second"], [60, "min", "minute"], [3600, "h", "hour"], [86400, "d", "day"]];
 const HANDY = 0.01;       // part of a size by which it changes at least in the unit of time that is taken
 const VAST = 1e9;         // beyond it only the size is told
+const NEARLY_SURE = 98.9; // per cent; from there on a probability is rounded down: 98.97 is no 99.0
 
 const isNumber = (value) => value != null && Number.isFinite(value);
 const powerOfTen = (exponent) => "10" + [...String(exponent)].map((letter) => RAISED[letter]).join("");
@@ -74,7 +75,7 @@ function probabilityText(probability) {
   const percent = 100 * probability;
   if (percent < 0.1) return "<0.1";
   if (percent > 99.9) return ">99.9";
-  return (percent >= 99 ? floored(percent) : percent).toFixed(1);
+  return (percent >= NEARLY_SURE ? floored(percent) : percent).toFixed(1);
 }
 
 // How sure a verdict is, rounded down so that it is never overstated.

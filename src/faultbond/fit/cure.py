@@ -47,11 +47,12 @@ def cured(search: Search, stand: Footing) -> Cure:
     if further is None:
         return Cure()
     ground, before = search.ground(further.graph), search.believed
-    free = ground.climbed(further)
+    search.by_then = free = ground.climbed(further)
     search.believed = before | names
     found = ground.climbed(further)
     gain = found.held - stand.held
     if gain >= WORTH and free.held - found.held <= max(FEWEST, CLOSE * gain) and not names & strayed(search, found):
         return Cure(kept=found)
     search.believed = before
-    return Cure(let_go=free if free.held - stand.held >= WORTH else None)
+    search.by_then = free if free.held - stand.held >= WORTH else None
+    return Cure(let_go=search.by_then)

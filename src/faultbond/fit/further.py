@@ -39,8 +39,15 @@ SURE = 100.0  # nats; of a curve that is worth as much where fitted, what is hel
 def better(search: Search, stand: Footing) -> Footing | None:
     """Give where the best further imperfection leads; None: none foretells what was held back better.
 
-    Where much seems to lag all of that is asked for first, together.
+    Where much seems to lag all of that is asked for first, together. On the way `search` knows what is best by then,
+    for who has to end before.
     """
+    search.by_then = _round(search, stand)
+    return search.by_then
+
+
+def _round(search: Search, stand: Footing) -> Footing | None:
+    """Give what `better` gives."""
     if (late := late_together(search, stand)) is not None:
         return late
     if not (tried := worth_fitting(search, stand)):
@@ -58,6 +65,7 @@ def better(search: Search, stand: Footing) -> Footing | None:
     found = gentlest(stand, [item for item in climbed if item.added[-1].what in {what for what, _ in plain}])
     near = [item for item in found if item.held - stand.held >= most - _as_good(most)]
     best = _own_instead(stand, min(near, key=lambda item: item.unknown), found)
+    search.by_then = best
     hidden = [item for item in found if best.added[-1].may_have(item.added[-1], WORTHY)]
     worth = {item.added[-1].what.key for item, gain in zip(climbed, gains, strict=True) if gain >= WORTH}
     worth |= {item.added[-1].what.key for item in hidden}
@@ -254,6 +262,7 @@ def _joint(search: Search, stand: Footing, best: Footing, others: Sequence[Footi
             slow = more[0].what.is_slow  # it has much of what lags, holds and curves gain
             asked = sum(WORTH if slow and item.what.is_definite else BESIDE * item.held for item in more[1:])
             if found.held - stand.held >= more[0].held + asked:
+                search.by_then = found
                 return _without_needless(search, stand, found, more)
         chosen = chosen[: FEWER.get(len(chosen), 0)]
     return None

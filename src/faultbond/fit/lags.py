@@ -49,6 +49,7 @@ def late_together(search: Search, stand: Footing) -> Footing | None:
     found = _together(search, stand, stand, lags)
     if found is None or not found.held - stand.held >= WORTH:
         return None
+    search.by_then = found
     return _with_inputs(search, stand, found, [item for item in new if not item.is_sensor]) or found
 
 

@@ -106,6 +106,7 @@ class Search:
         self.missed: set[tuple[Kind, str]] = set()  # what was left out to see, and was missed
         self.idle: dict[Imperfection, float] = {}  # lags that gained nothing, and what they seemed to gain then
         self.asked: list[tuple[Imperfection, float]] = []  # at the last round, with what each would gain
+        self.by_then: Footing | None = None  # where a round that is under way leads if it ends now
         self.inside: frozenset[str] = frozenset()  # parameters that are kept from straying
         self.believed: frozenset[str] = frozenset()  # those of which it is known what made them stray
         names = (*signals, *self.behind.values())

@@ -28,7 +28,7 @@ LARGEST, LOUDEST = 5.0, 20.0  # times a slow error, and a noise; one that must b
 LASTING = 20.0  # samples; a slow error of a sensor that is shorter is much like its noise
 KINDS = ("accuracy", "noise", "slow")
 BLIND = 0.25  # standard deviation of scores, below which most of what a sensor shows is let be
-ROOM = 0.8  # of every limit: recordings that are as quiet are so on other days too
+ROOM = 0.7  # of every limit: recordings that are as quiet are so on other days too
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -27,7 +27,16 @@ from faultbond.model.graph import BondGraph, Component, Unit
 from faultbond.model.units import measure
 from faultbond.report.console import lines, table, title, under
 from faultbond.report.names import LISTED, braced, listed, some
-from faultbond.report.numbers import clock_text, duration_text, figure, join, unit_text, with_noun, with_unit
+from faultbond.report.numbers import (
+    clock_text,
+    duration_text,
+    figure,
+    join,
+    share_text,
+    unit_text,
+    with_noun,
+    with_unit,
+)
 from faultbond.report.structure import causality_record, inseparable
 from faultbond.types import ElementType
 
@@ -276,7 +285,7 @@ def print_smallest(
         change, part, effects = "not looked for" if item.reason == NO_TIME else "not found", "", item.reason
         if item.value is not None:
             change = figure(unit.difference_from_si(item.value), digits=3).number()
-            part = f"{100 * item.value / abs(nominal):.3g} %" if nominal else ""
+            part = share_text(item.value / abs(nominal), digits=3) if nominal else ""
             effects = ", ".join(f"{x.output} {x.in_noise:.2g}" for x in item.effects if x.in_noise >= NO_EFFECT)
         rows.append((item.parameter, change, unit_text(unit.text), part, effects, ", ".join(item.alike)))
     header = ("parameter", "change", "unit", "of nominal", "largest effect, in noise sd", "then alike")
@@ -313,7 +322,7 @@ def _claimed_lines(graph: BondGraph, found: Sequence[SmallestFault]) -> list[tup
 def _claimed_text(size: float, unit: Unit, nominal: float) -> str:
     if math.isinf(size):
         return "never"
-    part = f"{100 * size / abs(nominal):.3g} %" if nominal else with_unit(unit.difference_from_si(size), unit.text)
+    part = share_text(size / abs(nominal), 3) if nominal else with_unit(unit.difference_from_si(size), unit.text)
     return f"from {part} on"
 
 

@@ -19,6 +19,7 @@ UNLIKE = 9  # powers of ten between a value and its standard deviation beyond wh
 VAST = 1e9  # beyond it a change in per cent, or a time, is told by its power of ten
 PLAIN_EXPONENTS = range(-3, 5)  # powers of ten that are written out
 PACES = ((1.0, "s"), (60.0, "min"), (3600.0, "h"), (86400.0, "d"))
+NEARLY_SURE = 98.9  # per cent; from there on a probability is rounded down: 98.97 is no 99.0
 HANDY = 0.01  # part of a size by which it changes at least in the unit of time that is taken
 
 
@@ -179,7 +180,7 @@ def probability_text(probability: float) -> str:
         return "<0.1"
     if percent > 99.9:
         return ">99.9"
-    return f"{_floored(percent):.1f}" if percent >= 99.0 else f"{percent:.1f}"
+    return f"{_floored(percent):.1f}" if percent >= NEARLY_SURE else f"{percent:.1f}"
 
 
 def certainty_text(probability: float) -> str:
@@ -208,6 +209,13 @@ def change_text(nominal: float, estimate: float, sd: float) -> str:
     coarse = not math.isfinite(relative_sd) or relative_sd >= 1.0 or abs(percent) >= 20.0
     text = f"{percent:+.0f}" if coarse else f"{percent:+.1f}"
     return ("0" if float(text) == 0.0 else text.replace("-", MINUS)) + " %"
+
+
+def share_text(part: float, digits: int = 2) -> str:
+    """Give a part of a value in per cent; from ten times the value on in how many times it is."""
+    times = part >= 10.0
+    number = number_text(float(f"{part if times else 100.0 * part:.{digits}g}"))
+    return f"{number} times" if times else f"{number} %"
 
 
 def duration_text(seconds: float, digits: int = 3) -> str:

@@ -34,7 +34,17 @@ from faultbond.report.console import lines, table, title, under
 from faultbond.report.doubts import stray_records
 from faultbond.report.fit_result import Fitted
 from faultbond.report.health import spacing_text, where_lines
-from faultbond.report.numbers import MINUS, clock_text, duration_text, figure, join, rounded_up, short, unit_text
+from faultbond.report.numbers import (
+    MINUS,
+    clock_text,
+    duration_text,
+    figure,
+    join,
+    rounded_up,
+    share_text,
+    short,
+    unit_text,
+)
 from faultbond.report.resized import Resized
 from faultbond.report.suspects import unit_of
 
@@ -480,7 +490,7 @@ def _cost_rows(found: Quieted) -> Iterator[tuple[str, ...]]:
             if size is None:
                 texts.append("never claimed" if one and one.value is not None else (one and one.reason) or "not found")
                 continue
-            part = f" ({short(100 * size / nominal)} %)" if nominal else ""
+            part = f" ({share_text(size / nominal)})" if nominal else ""
             texts.append(figure(unit.difference_from_si(size), digits=3).number() + part)
         yield item.parameter, *texts, unit_text(unit.text)
 

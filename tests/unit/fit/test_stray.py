@@ -237,7 +237,7 @@ def test_what_is_missing_is_kept_where_it_explains_as_much(
     fake = Cured(
         parameters=parameters, own=(), tell=lambda _: None, inside=frozenset(), believed=frozenset(), refused={}
     )
-    fake.asked_together = frozenset({(Kind.LAG, "before")})
+    fake.asked_together, fake.by_then = frozenset({(Kind.LAG, "before")}), None
     fake.__dict__.update(options)
     search = cast(Search, fake)
     explained = replace(stand, held=fake.gain) if fake.found else None
@@ -258,6 +258,28 @@ def test_what_is_missing_is_kept_where_it_explains_as_much(
         assert found.values["R"] == 2.1
     if let_go is not None:
         assert (let_go.values["R"], let_go.held) == (3.0, fake.gain + fake.free)
+    if not is_cured:  # who has to end now has this
+        assert search.by_then is let_go
+
+
+def test_what_a_cure_leads_to_is_known_before_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the parameter let go, while it is asked still whether it stays by itself."""
+
+    class Stopped(Cured):
+        def climbed(self, stand: Footing) -> Footing:
+            if "R" in self.believed:
+                raise InterruptedError
+            return super().climbed(stand)
+
+    graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
+    stand = Footing(graph=graph, values={item.name: item.nominal for item in graph.parameters} | {"R": 3.0}, starts={})
+    sets = dict.fromkeys(("inside", "believed", "asked_together"), frozenset[str]())
+    fake = Stopped(parameters=tuple(enumerate(graph.parameters)), own=(), tell=lambda _: None, refused={}, **sets)
+    fake.__dict__.update({"by_then": None, "gain": 50.0, "free": 1.0, "ends": 2.1, "course": True, "ahead": True})
+    monkeypatch.setattr(cure, "better", lambda *_: replace(stand, held=50.0))
+    with pytest.raises(InterruptedError):
+        cured(cast(Search, fake), stand)
+    assert fake.by_then.values["R"] == 3.0
 
 
 def test_each_is_asked_first_and_once_more_at_the_end(monkeypatch: pytest.MonkeyPatch) -> None:

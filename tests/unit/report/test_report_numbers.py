@@ -15,6 +15,7 @@ from faultbond.report.numbers import (
     pace,
     probability_text,
     rounded_up,
+    share_text,
     short,
     unit_text,
 )
@@ -80,6 +81,19 @@ def test_table_and_sentence_agree_near_certainty(probability: float, text: str) 
     """From 99 % on both show the same tenth, rounded down."""
     assert probability_text(probability) == text
     assert certainty_text(probability) == f"{text} % sure"
+
+
+def test_a_table_says_no_99_where_the_sentence_says_98() -> None:
+    """What is less than 99 % is not rounded up to that."""
+    assert (probability_text(0.98988), certainty_text(0.98988)) == ("98.9", "98 % sure")
+
+
+@pytest.mark.parametrize(
+    ("part", "text"), [(0.0123, "1.2 %"), (1.5, "150 %"), (9.94, "990 %"), (19.2, "19 times"), (2340.0, "2300 times")]
+)
+def test_many_times_a_value_is_told_in_times(part: float, text: str) -> None:
+    """What is ten times as large is no matter of per cent."""
+    assert share_text(part) == text
 
 
 def test_change_is_signed_and_empty_without_nominal() -> None:
