@@ -176,20 +176,29 @@ def watch_plant(
         return run
     if not isinstance(recording, MemoryTable) and not Path(recording).is_file():
         return run  # what can be read once only
-    return _looked_at_again(plant, recording, _with_standstills(plant, recording, run))
+    return _looked_at_again(plant, recording, _with_reservations(plant, recording, run))
 
 
-def _with_standstills(plant: WatchedPlant, recording: Recording, run: PlantRun) -> PlantRun:
-    """Give a run that says which sensors stood still for long, where any value of any did."""
+def _with_reservations(plant: WatchedPlant, recording: Recording, run: PlantRun) -> PlantRun:
+    """Give a run that says which sensors stood still for long, and where nothing was found, which faults would hide."""
+    told = [_standstills(plant, recording, run)]
+    if run.verdict is Verdict.HEALTHY and any(item.healthy_change for item in run.watcher.spec.parameters):
+        from faultbond.report.shortcomings import unclaimed_sentence  # noqa: PLC0415 - hardly ever
+
+        told.append(unclaimed_sentence(run.watcher.spec))
+    return replace(run, remarks=(*filter(None, told), *run.remarks))
+
+
+def _standstills(plant: WatchedPlant, recording: Recording, run: PlantRun) -> str:
+    """Say which sensors stood still for long; empty where none did."""
     if not run.course.counts.frozen or run.no_verdict:
-        return run
+        return ""
 
     from faultbond.app.standstill import standing_still, standstill_sentence  # noqa: PLC0415 - hardly ever
 
     with suppress(RecordingError):  # it was read before: what has become of it since is no matter of this run
-        told = standstill_sentence(standing_still(plant.graph, _points_again(plant, recording, run)))
-        return replace(run, remarks=(*filter(None, (told,)), *run.remarks))
-    return run
+        return standstill_sentence(standing_still(plant.graph, _points_again(plant, recording, run)))
+    return ""
 
 
 def _points_again(plant: WatchedPlant, recording: Recording, run: PlantRun) -> Iterator[PointBlock]:

@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator
 
+from faultbond.contract.claims import claimed_parameter
 from faultbond.contract.spec import EngineSpec
 from faultbond.equations.passivity import Active, active_elements
 from faultbond.model.graph import BondGraph
 from faultbond.report.numbers import join, with_unit
 
+HALF = 0.5  # of a value; who looks after a plant wants to know of a change by so much
 MOVED = 1.0  # accuracies by which a healthy parameter seems to move; more is told of a model
 
 
@@ -48,6 +50,27 @@ def active_sentence(graph: BondGraph) -> str:
     """Say the same in sentences after an alarm; empty where every element is what it is called."""
     told = "; ".join(active_texts(graph))
     return f"{told}. Mend that first: no alarm of such a model tells anything of the plant." if told else ""
+
+
+def unclaimed_suspects(spec: EngineSpec) -> tuple[str, ...]:
+    """Name the suspects that seem to move so far while healthy that a change by less than half is no fault."""
+    return tuple(
+        item.name
+        for k, item in enumerate(spec.parameters)
+        if item.suspect and item.healthy_change and claimed_parameter(spec, k) >= HALF * abs(item.nominal) > 0.0
+    )
+
+
+def unclaimed_sentence(spec: EngineSpec) -> str:
+    """Say of which parameters only large changes are told, so that no fault of theirs means little; empty of none."""
+    names = unclaimed_suspects(spec)
+    if not names:
+        return ""
+    theirs = "it" if len(names) == 1 else "them"
+    return (
+        f"Of {join(names)} only changes by more than half would be told: healthy data seem to move {theirs} so far "
+        "(`healthy_change`)."
+    )
 
 
 def hidden_suspects(spec: EngineSpec) -> tuple[str, ...]:

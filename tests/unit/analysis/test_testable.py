@@ -1,5 +1,6 @@
 """Which sets of suspects are identifiable, falsifiable, testable."""
 
+import re
 from dataclasses import replace
 from itertools import combinations
 from math import comb
@@ -25,7 +26,7 @@ from faultbond.equations.plant import build_plant
 from faultbond.equations.step import StepModel, build_step_model
 from faultbond.errors import StructureError
 from faultbond.model.text import parse_model
-from faultbond.report.shortcomings import hidden_sentence
+from faultbond.report.shortcomings import hidden_sentence, unclaimed_sentence
 from faultbond.synthesis.specify import build_spec
 from plants import example, named, run, stated
 
@@ -313,3 +314,22 @@ def test_an_instrument_whose_fault_an_unknown_input_may_do_is_no_hypothesis() ->
     spec = build_spec(known)
     assert {item.name for item in spec.instruments} >= {"l1", "l2", "u", "v"}
     assert hidden_sentence(spec) == ""
+
+
+@pytest.mark.parametrize(
+    ("moves", "told"),
+    [
+        ({}, ""),
+        ({"A1": "3 %"}, ""),
+        ({"A1": "40 %"}, "Of A1 only changes by more than half would be told: healthy data seem to move it so far "),
+        ({"A1": "40 %", "K12": "90 %"}, "Of A1 and K12 only changes by more than half would be told: healthy data "),
+    ],
+)
+def test_of_what_moves_while_healthy_little_is_told(moves: dict[str, str], told: str) -> None:
+    """A change that a healthy part may make is no fault, so that none was found says little of it."""
+    text = DRAINED
+    for name, size in moves.items():
+        text = re.sub(rf"\b{name}: ([^{{}},]+)([,}}])", rf"{name}: {{nominal: \1, healthy_change: {size}}}\2", text)
+    said = unclaimed_sentence(build_spec(build_step_model(build_plant(parse_model(text)))))
+    assert said.startswith(told)
+    assert bool(said) is bool(told)
