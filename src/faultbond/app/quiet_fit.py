@@ -270,6 +270,7 @@ def _searched(
             better = deadline.in_time(SEARCH, partial(_next, search, stand, asked))
         if better is None:
             if (best := search.by_then) is not None and best.held - stand.held >= WORTH:
+                best = search.without_spent_lags(best)
                 deadline(f"added, as the best by then: {_added_words(stand, best)}")
                 stand, tried, now = best, None, replace(now, added=best.added, rounds=rounds + 1)
             break

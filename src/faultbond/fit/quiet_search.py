@@ -204,6 +204,13 @@ class Search:
         self.refused |= {item.what.key: np.inf for item in gone if not item.what.is_slow}
         return alone
 
+    def without_spent_lags(self, stand: Footing) -> Footing:
+        """Give a footing without lags that have come down to the least, all else as it stands."""
+        gone, graph = self._spent_lags(stand), stand.graph
+        for item in gone:
+            graph = _without(graph, item.what)
+        return replace(stand, graph=graph, added=tuple(item for item in stand.added if item not in gone))
+
     def _spent_lags(self, stand: Footing) -> list[Added]:
         own = {item.name for item in self.graph.parameters}
         added = [item for item in stand.added if item.what.kind is Kind.LAG and parameter_name(item.what) not in own]

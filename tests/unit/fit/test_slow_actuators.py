@@ -313,6 +313,19 @@ def test_a_lag_beside_a_highest_rate_is_not_left_out() -> None:
     assert not search._spent_lags(replace(stand, added=(lag, Added(what=LIMIT, trained=9.0, held=9.0))))
 
 
+def test_a_lag_that_is_none_goes_where_the_time_is_up() -> None:
+    """All else stays as it stands, the lag of another column too."""
+    search = Search.__new__(Search)
+    search.graph, search.step = parse_model(MODEL), 1.0
+    kinds = (("V", 0.9 * NO_LAG, False), ("i", 1.1 * NO_LAG, True))
+    lags = tuple(Imperfection(kind=Kind.LAG, place=place, size=x, is_sensor=is_one) for place, x, is_one in kinds)
+    added = tuple(Added(what=item, trained=9.0, held=9.0) for item in lags)
+    stand = Footing(graph=with_imperfections(search.graph, lags), values={}, starts={}, held=5.0, added=added)
+    left = search.without_spent_lags(stand)
+    assert (left.added, left.held) == (added[1:], 5.0)
+    assert (left.graph.input("V").lag, [item.lag for item in left.graph.sensors]) == ("", ["i_lag"])
+
+
 @pytest.mark.parametrize("loops", [frozenset[tuple[str, str]](), frozenset({("i", "V")})])
 def test_no_transient_error_is_asked_of_a_sensor_in_a_loop(
     loops: frozenset[tuple[str, str]], monkeypatch: pytest.MonkeyPatch
