@@ -9,7 +9,7 @@ import numpy as np
 from faultbond.arrays import BoolArray, FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.fit.certainty import long_run_variance
-from faultbond.fit.innovations import Watch
+from faultbond.fit.innovations import LOST, Watch
 from faultbond.fit.samples import HealthyRecording
 
 PARTS = 3  # of the range of an input or a reading
@@ -55,10 +55,10 @@ class Moment:
 def wrong_regions(
     spec: EngineSpec, records: Sequence[HealthyRecording], watches: Sequence[Watch]
 ) -> tuple[Region, ...]:
-    """Give the regions in which sensors are off, the worst first."""
+    """Give the regions in which sensors are off, the worst first; where a filter is lost nothing tells where."""
     u, y = (np.concatenate([getattr(item, name) for item in records]) for name in ("u", "y"))
     steps = np.concatenate([_after_steps(item.u) for item in records])
-    scores = np.concatenate([item.scores for item in watches])
+    scores = np.concatenate([np.where(item.scores < LOST, item.scores, np.nan) for item in watches])
     names = [*(item.name for item in spec.inputs), *(item.name for item in spec.outputs)]
     places: list[tuple[str, float, float, BoolArray, bool]] = []  # of what, from where to where, which, after a step
     for name, values in zip(names, np.hstack([u, y]).T, strict=True):

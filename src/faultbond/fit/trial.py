@@ -9,7 +9,7 @@ from faultbond.arrays import FloatArray
 from faultbond.contract.spec import EngineSpec
 from faultbond.fit.false_alarms import SENSOR, Rate, alarm_rates, between_alarms
 from faultbond.fit.hints import Early, Late, early_sensors, late_sensors, mirrored_sensors
-from faultbond.fit.innovations import Variant, Watch, strayed_in, take_recordings, watch_recording, watch_taken
+from faultbond.fit.innovations import LOST, Variant, Watch, strayed_in, take_recordings, watch_recording, watch_taken
 from faultbond.fit.lack_of_fit import Moment, Region, moments, wrong_regions
 from faultbond.fit.samples import HealthyRecording
 from faultbond.runtime.core import Core
@@ -82,6 +82,15 @@ class Health:
     def peak(self) -> float:
         """The largest statistic on the recordings as a part of its limit; an alarm above 1."""
         return max((item.peak for item in self.rates), default=0.0)
+
+    @property
+    def lost(self) -> tuple[tuple[str, float], ...]:
+        """Recordings in which the filter has lost the plant, and when, s."""
+        found = []
+        for record, seen in zip(self.records, self.watches, strict=True):
+            gone = np.flatnonzero((seen.scores >= LOST).any(axis=1))
+            found += [(record.name, float(record.time[k])) for k in gone[:1]]
+        return tuple(found)
 
     @property
     def blind(self) -> tuple[Rate, ...]:

@@ -136,7 +136,18 @@ def where_lines(graph: BondGraph, found: Health) -> list[tuple[str, str]]:
         "slow errors or accuracies smaller"
         for item in found.blind
     ]
-    return under("blind", blind) + told + under("moments", moments) + under("hints", list(_hints(graph, found)))
+    lost = [
+        f"from {clock_text(time)} of {name} on nothing follows the plant any more, since the filter's variances are "
+        "lost there; what is told is of the time before"
+        for name, time in found.lost
+    ]
+    return (
+        under("lost", lost)
+        + under("blind", blind)
+        + told
+        + under("moments", moments)
+        + under("hints", list(_hints(graph, found)))
+    )
 
 
 def _few_of_each(regions: Sequence[Region]) -> Iterator[Region]:

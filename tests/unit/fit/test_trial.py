@@ -95,9 +95,13 @@ def test_a_filter_that_has_lost_its_variance_is_far_off_and_no_error(monkeypatch
         return end, numbers, told
 
     monkeypatch.setattr(Core, "course", course)
-    seen = watch_recording(core, healthy_recording("a.csv", points, core))[0]
+    recording = healthy_recording("a.csv", points, core)
+    seen = watch_recording(core, recording)[0]
     assert np.all(seen.scores[45:] == LOST)
     assert np.all(np.abs(seen.scores[20:35]) < 1e3)
+    found = on_trial(core, [recording], 1e6, factors=())
+    assert found.lost == (("a.csv", 0.5 * np.flatnonzero(seen.scores[:, 0] == LOST)[0]),)
+    assert all(abs(item.mean) < 1e3 for item in found.regions)  # nothing where it is lost tells where the model is off
 
 
 def test_it_sees_what_an_input_was_while_the_monitor_waited() -> None:

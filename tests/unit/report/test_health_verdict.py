@@ -3,12 +3,14 @@
 from dataclasses import replace
 from io import StringIO
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from faultbond.fit.false_alarms import Rate
+from faultbond.fit.innovations import LOST
 from faultbond.fit.lack_of_fit import Region
 from faultbond.fit.trial import FACTORS, DeclarationTrial, Health
 from faultbond.model.graph import BondGraph
@@ -164,6 +166,17 @@ def test_the_ends_of_a_range_differ(low: float, high: float, told: str) -> None:
     where = Region(sensor="i", of="V", low=low, high=high, after_step=False, mean=0.6, spread=1.0, samples=50)
     lines = where_lines(GRAPH, replace(health(), regions=(where,)))
     assert lines[0][1] == f"i reads 0.6 sd more than expected where V is {told}"
+
+
+def test_a_filter_that_is_lost_is_told_first() -> None:
+    """With the moment, since what it shows from there on says nothing."""
+    record, seen = SimpleNamespace(name="h3.csv", time=np.arange(4.0)), SimpleNamespace(scores=np.zeros((4, 1)))
+    seen.scores[2:] = LOST
+    found = replace(health(), records=cast("Any", (record,)), watches=cast("Any", (seen,)))
+    assert where_lines(GRAPH, found)[0][0] == "lost"
+    assert where_lines(GRAPH, found)[0][1].startswith("from 2 s of h3.csv on nothing follows the plant any more")
+    seen.scores[:] = 3.0
+    assert not [text for title, text in where_lines(GRAPH, found) if title == "lost"]
 
 
 @pytest.mark.parametrize(("spread", "memory", "is_told"), [(0.01, 1.0, True), (0.3, 1.0, False), (0.0, 0.0, False)])
