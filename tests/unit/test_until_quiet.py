@@ -1153,7 +1153,14 @@ def test_a_model_that_hardly_watches_a_part_says_so(
     assert ("deaf to faults of R" in quiet_verdict(found)) == bool(deaf)
     assert "faults hide" not in quiet_verdict(found)
     health.blind = (SimpleNamespace(name="V"),)
-    assert quiet_verdict(found).endswith(" At V faults hide.")
+    assert " At V faults hide." in quiet_verdict(found)
+    assert quiet_verdict(found).startswith("Quiet, but of little use. The model is deaf to") is bool(deaf)
+    assert "The recordings are as quiet as promised: a false alarm every" in quiet_verdict(found)
+    fitted = cast("Any", SimpleNamespace(graph=graph, strays=(), values={"R": nominal, "L": 2.5, "M": 2.5}))
+    others = tuple(replace(faults[0], parameter=name, value=0.1, claimed=0.0) for name in ("L", "M", "V"))
+    beside = replace(found, fitted=fitted, smallest_after=(faults[1], *others))  # one of three; V is a sensor
+    assert not beside.little_use
+    assert replace(beside, smallest_after=(faults[1], others[0], others[2])).little_use is bool(deaf)
     why = "seen to move so far while healthy" if claimed and deaf else "only changes by more than half show"
     assert all(text.startswith(f"R: {why}") and "laws at source.e" in text for text in told)
 

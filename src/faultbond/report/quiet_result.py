@@ -118,6 +118,12 @@ class Quieted:
         )
 
     @property
+    def little_use(self) -> bool:
+        """Whether it is deaf to half of the parameters that were asked, or to more."""
+        asked = {item.parameter for item in self.smallest_after} & self.half.keys()
+        return 2 * len(self.deaf) >= len(asked) > 0
+
+    @property
     def smallest_claimed(self) -> dict[str, float | None]:
         """The smallest fault of each suspect that is found now, and claimed: more than it may do while healthy."""
         return {item.parameter: item.told for item in self.smallest_after}
@@ -552,7 +558,8 @@ def quiet_verdict(found: Quieted) -> str:
             f"alarm. A recording of another day may alarm.{deaf}"
         )
     if found.quiet:
-        return f"The recordings are as quiet as promised: a false alarm every {between}, as far as they tell.{deaf}"
+        quiet = f"The recordings are as quiet as promised: a false alarm every {between}, as far as they tell."
+        return f"Quiet, but of little use.{deaf} {quiet}" if found.little_use else quiet + deaf
     now = f"a false alarm every {between}"
     if found.alarms or health.peak > 1.0:
         now = f"it alarms on {join([*found.alarms]) or 'these recordings'}"
