@@ -529,8 +529,17 @@ def test_a_slow_error_does_not_stand_for_lags(
         gains = {(True, 1): lags, (True, 2): lags, (False, 3): both, (False, 2): both, (False, 1): 602.0}
         return footing(tuple(more), gains[more[0].what.kind is Kind.LAG, len(more)])
 
+    by_then, without_needless = list[float](), further._without_needless
+
+    def looked_through(search: Search, *rest: Any) -> Footing:
+        assert search.by_then is not None
+        by_then.append(search.by_then.held)
+        return without_needless(search, *rest)
+
+    monkeypatch.setattr(further, "_without_needless", looked_through)
     _, better = searched(monkeypatch, stand, dict(zip(items, found, strict=True)), together)
     assert {item.what.kind for item in better.added} == kept
+    assert by_then == [both if both > 700.0 else 602.0]  # what there is if the time is up then: these, or one
 
 
 @pytest.mark.parametrize(("go_together", "asked"), [(5, [5]), (3, [5, 3]), (2, [5, 3, 2]), (1, [5, 3, 2, 1])])

@@ -170,6 +170,7 @@ def test_what_sensors_share_is_asked_of_several_inputs(
     def climbed(begin: Footing, *asked: Imperfection, **_: object) -> Footing:
         begun.append({item.place: item.size for item in asked})
         beside = any(not item.is_sensor for item in asked)
+        assert not beside or [item.what.place for item in search.by_then.added] == list(alone)  # if it ends now
         found = {"v1": 0.2, "v2": 0.01, "i": 0.1} | sizes if beside else alone
         new = (Added(what=replace(x, size=found[x.place]), trained=9.0, held=9.0) for x in asked)
         return replace(begin, few=begin.few + 100.0, held=held if beside else 50.0, added=(*begin.added, *new))
