@@ -1,7 +1,9 @@
 """Headings, labelled lines and tables on a terminal; the same in every listing."""
 
+import re
 import textwrap
 from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import IO, Any, cast
 
 from rich import box
 from rich.cells import cell_len
@@ -17,15 +19,32 @@ PLAIN_WIDTH = 100  # columns where the output is a file or a pipe
 MOST_LABEL = 0.45  # of the width; of a label that is longer the rest stands below
 
 
-def set_width(console: Console) -> None:
-    """Set a console that is no terminal to `PLAIN_WIDTH` columns."""
-    if not console.is_terminal:
-        console.width = PLAIN_WIDTH
+class _Trimmed:
+    """A file in which no line ends with blanks, as a table's and a paragraph's do on a terminal."""
+
+    def __init__(self, file: IO[str]) -> None:
+        self._file = file
+
+    def write(self, text: str) -> int:
+        """Write whole lines."""
+        return self._file.write(re.sub(" +$", "", text, flags=re.MULTILINE))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+def set_plain(console: Console) -> None:
+    """Set a console that is no terminal to `PLAIN_WIDTH` columns, and let no line there end with blanks."""
+    if console.is_terminal:
+        return
+    console.width = PLAIN_WIDTH
+    if not isinstance(console.file, _Trimmed):
+        console.file = cast(IO[str], _Trimmed(console.file))
 
 
 def headline(console: Console, name: str, file: str) -> None:
     """Print what a listing is about: a model and its file."""
-    set_width(console)
+    set_plain(console)
     console.print(Text.assemble((name, "bold"), (f"  {file}", "dim")))
 
 

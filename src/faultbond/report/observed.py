@@ -9,7 +9,7 @@ from rich.text import Text
 
 from faultbond.contract.findings import Candidate, Detection, Diagnosis, Suspect
 from faultbond.model.graph import BondGraph
-from faultbond.report.console import facts, set_width, table
+from faultbond.report.console import facts, set_plain, table
 from faultbond.report.numbers import figure, join, unit_text, with_noun
 from faultbond.report.suspects import unit_of
 from faultbond.report.verdict import contradiction_sentence
@@ -36,7 +36,7 @@ class Observed:
 
 def print_observed(console: Console, seen: Observed) -> None:
     """Print what was found; a console that is no terminal gets `console.PLAIN_WIDTH` columns."""
-    set_width(console)
+    set_plain(console)
     observations = with_noun(seen.rows, "observation")
     facts(console, [("Model", seen.name), ("Sensors", join(seen.sensors)), ("Rows", observations)])
     if not seen.watched:

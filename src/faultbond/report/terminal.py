@@ -7,7 +7,7 @@ from rich.text import Text
 
 from faultbond.contract.findings import History
 from faultbond.model.graph import BondGraph
-from faultbond.report.console import facts, set_width, table
+from faultbond.report.console import facts, set_plain, table
 from faultbond.report.numbers import Notation
 from faultbond.report.verdict import RunCounts, TableRow, view_of
 
@@ -32,7 +32,7 @@ def print_diagnosis(
     counts : samples passed, and defects of the recording
     untested : sets that no data can contradict, in words
     """
-    set_width(console)
+    set_plain(console)
     view = view_of(graph, history, counts, Notation.FILE)
     span = f", {view.period} ({view.span})" if view.period else ""
     samples = f"{counts.samples}{span}" + (f"; {view.defects}" if view.defects else "")

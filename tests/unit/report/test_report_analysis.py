@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from io import StringIO
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -52,8 +52,7 @@ def printed(show: Callable[[Console], None]) -> str:
     """What is printed, each run of spaces as one."""
     console = Console(file=StringIO(), width=160)
     show(console)
-    assert isinstance(console.file, StringIO)
-    return "\n".join(" ".join(line.split()) for line in console.file.getvalue().splitlines())
+    return "\n".join(" ".join(line.split()) for line in cast(StringIO, console.file).getvalue().splitlines())
 
 
 def plant(n: int) -> BondGraph:

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from faultbond.report.console import lines, table
+from faultbond.report.console import PLAIN_WIDTH, headline, lines, set_plain, table
 
 HEADER = ("component", "estimate ± sd", "unit")
 ROWS = [("fan of the motor", "1.436e-4 ± 0.005e-4", "N*m*s^2/rad^2"), ("+ bearing", "0.004 ± 0.001", "N*m*s/rad")]
@@ -67,3 +67,17 @@ def test_no_number_stands_without_its_sign_or_its_time(width: int) -> None:
     starts = {line.split()[0] for line in shown.splitlines() if line.strip()}
     assert starts.isdisjoint({"%", "%,", "s", "min,"})
     assert shown.count("3.7 %,") == shown.count("2.5 min,") == 2
+
+
+def test_no_line_ends_with_blanks_where_the_output_is_a_file() -> None:
+    """A table and a paragraph fill their lines on a terminal; a file keeps the words alone, however often it is set."""
+    out = StringIO()
+    console = Console(file=out)
+    headline(console, "a pump", "pump.yaml")
+    set_plain(console)
+    table(console, HEADER, ROWS)
+    console.print("words " * 40)
+    shown = out.getvalue().splitlines()
+    assert len(shown) > len(ROWS) + 4
+    assert [line for line in shown if line != line.rstrip()] == []
+    assert console.width == PLAIN_WIDTH
