@@ -127,7 +127,7 @@ def test_where_nothing_is_known_nothing_is_told() -> None:
 
 
 def test_it_is_said_after_the_verdict(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Text, page and standard error."""
+    """Text, page and standard error; a paragraph of its own."""
     model, page = tmp_path / "model.yaml", tmp_path / "page.html"
     model.write_text(fitted("[0 percent, 12 percent]").text, encoding="utf-8")
     rows = (EXAMPLES / "tank" / "fault_pipe.csv").read_text().splitlines()[:1950]
@@ -141,6 +141,8 @@ def test_it_is_said_after_the_verdict(tmp_path: Path, capsys: pytest.CaptureFixt
         verdict, behind = " ".join(text.split()).split(told)
         assert verdict.rindex("Most likely the pipe changed") < verdict.rindex("Up to the alarm u_in was")
         assert "Most likely" not in behind.split("</p>")[0]
+    assert "\n\nUp to the alarm u_in was" in said.out
+    assert '<p class="caveat">Up to the alarm u_in was' in page.read_text(encoding="utf-8").replace("\u00a0", " ")
 
 
 def test_it_is_read_and_written() -> None:

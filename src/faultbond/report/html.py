@@ -69,6 +69,7 @@ def render_report(
             "state": view.state,
             "view": view,
             "verdict": _unbroken(view.verdict),
+            "caveats": [_unbroken(text) for text in view.remarks],
             "cards": _cards(history, view, counts),
             "facts": [(label, text) for label, text in facts.items() if text or label in always],
             "drawing": draw(graph, strokes, fault_probabilities(told, instruments=False) if told else None),

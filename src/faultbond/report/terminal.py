@@ -62,6 +62,9 @@ def print_diagnosis(
     for note in view.notes:
         console.print(Text(note, style="yellow"))
     console.print(Text(view.verdict, style=STYLES[view.state]))
+    for remark in view.remarks:
+        console.print()
+        console.print(Text(remark))
 
 
 def _print_ranked(console: Console, rows: tuple[TableRow, ...], mark: str) -> None:

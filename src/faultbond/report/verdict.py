@@ -118,11 +118,12 @@ class TableRow:
 class RunView:
     """All that is said of a run, in one notation, as terminal and page show it.
 
-    state: `fault`, `open`, `partial` or `healthy`. notes: what was not watched. period, span: first and last time, and
-    how long that is. events: alarms, that they are over, and what was accepted or rejected, in the order of time; True:
-    an alarm. diagnosis: of the fault that is open, with its rows and checks. several: whether candidates cannot be told
-    from the best. remainder, left_out: candidates that the rows leave out, and what may be true beside all candidates.
-    contradicted: that the data contradict all of them; empty where they do not.
+    state: `fault`, `open`, `partial` or `healthy`. notes: what was not watched. remarks: what the verdict does not
+    cover, a paragraph each. period, span: first and last time, and how long that is. events: alarms, that they are
+    over, and what was accepted or rejected, in the order of time; True: an alarm. diagnosis: of the fault that is open,
+    with its rows and checks. several: whether candidates cannot be told from the best. remainder, left_out: candidates
+    that the rows leave out, and what may be true beside all candidates. contradicted: that the data contradict all of
+    them; empty where they do not.
     """
 
     state: str
@@ -142,6 +143,7 @@ class RunView:
     contradicted: str = ""
     checks: tuple[CheckRow, ...] = ()
     notes: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Notation) -> RunView:
@@ -162,7 +164,6 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
                 *counts.hints,
                 verdict_sentence(graph, history, counts, notation),
                 *course_sentences(graph, history, diagnosis),
-                *counts.remarks,
             )
         ),
         sensors=", ".join(sensor.name for sensor in graph.sensors),
@@ -180,6 +181,7 @@ def view_of(graph: BondGraph, history: History, counts: RunCounts, notation: Not
         contradicted=CONTRADICTED if diagnosis is not None and diagnosis.unexplained is not None else "",
         checks=check_rows(graph, diagnosis, notation) if diagnosis else (),
         notes=_notes(counts),
+        remarks=counts.remarks,
     )
 
 
