@@ -705,12 +705,23 @@ def test_a_slow_error_of_a_sensor_does_not_stand_for_its_lag(
 
 
 @pytest.mark.parametrize(
-    ("size", "loses", "kept"), [(0.2, 1.0, "V"), (0.2, WORTH, "iV"), (0.3, 0.0, "iV"), (0.2, np.nan, "iV")]
+    ("size", "loses", "kept"),
+    [
+        (0.2, 1.0, "V"),
+        (0.2, WORTH, "iV"),
+        (0.3, 0.0, "iV"),
+        (0.2, np.nan, "iV"),
+        (0.01, WORTH, "V"),
+        (0.03, WORTH, "iV"),
+    ],
 )
 def test_a_lag_that_has_come_to_nothing_is_left_out(
     size: float, loses: float, kept: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A lag of the least size that is tried goes where hardly less is foretold without it, and is not tried again."""
+    """A lag of the least size that is tried goes where hardly less is foretold without it, and is not tried again.
+
+    One that does nothing goes wherever a climb without it leads.
+    """
     graph, sizes = parse_model(MODEL, file="m.yaml"), {"i": size, "V": 2.0}
     lags = tuple(Imperfection(kind=Kind.LAG, place=place, size=part) for place, part in sizes.items())
     stand = Footing(

@@ -26,6 +26,7 @@ from faultbond.errors import FaultbondError
 from faultbond.fit.ascent import Finish
 from faultbond.fit.coarse_step import as_declared, coarsest
 from faultbond.fit.cure import Cure, cured, strayed
+from faultbond.fit.evidence import begun_likeliest
 from faultbond.fit.foothold import Footing, as_fitted, as_found, begun_as_found, values_of, with_values
 from faultbond.fit.further import better, held_until
 from faultbond.fit.ground import COARSE
@@ -393,6 +394,7 @@ def _attempt(
     own = (item.name for _, item in parameters if item.name in wishes.own)
     columns = (*(model.states[k] for k in plant.free), *own)
     begin = likelier_begin(plant, records, begin, begun_as_found(begin_at(plant, records, core), columns, stand))
+    begin = begun_likeliest(plant, records, begin)
     found = fit_plant(
         plant,
         records,

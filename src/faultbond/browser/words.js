@@ -2,7 +2,7 @@
 
 const SIGNIFICANT = 2;    // standard deviations
 const WILD = 0.1;         // of its value, by which a drift may move in a sample
-const OTHERWISE = 0.1;    // a kind with at least this share is told beside the likeliest one
+const OTHERWISE = 0.05;  // a kind with at least this share is told beside the likeliest one
 const NAMED_SETS = 4;     // candidates of a group named in a sentence
 const NEGLIGIBLE = 0.001;
 const MOVES = " (this value still moves)";

@@ -40,7 +40,7 @@ def cured(search: Search, stand: Footing) -> Cure:
     names = strayed(search, stand)
     search.tell(f"asking what else it may be that puts {', '.join(sorted(names))} far from what was declared")
     search.inside, refused, asked = names, dict(search.refused), search.asked_together
-    held = search.ground(stand.graph).climbed(stand)
+    held = search.ground(stand.graph).climbed(stand, is_far=True)
     runs = np.isfinite([held.trained, held.held]).all()  # the plant may have no course with them there
     further = better(search, held) if runs else None
     search.inside, search.refused, search.asked_together = frozenset(), refused, asked

@@ -107,6 +107,13 @@ def foretold(
     plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint, q: FloatArray
 ) -> tuple[Scored, ...]:
     """Give what recordings show that were held back: all of q (n_q,) is known but where they start."""
-    known, begin = all_known(plant, q), replace(begin, values=_NONE)
-    summit = ascend(known, records, begin, _NONE, turns=_TURNS, finish=Finish(CLOSE_ENOUGH))
-    return score_recordings(known, records, summit.point)
+    known = all_known(plant, q)
+    return score_recordings(known, records, begun_likeliest(known, records, replace(begin, values=_NONE)))
+
+
+def begun_likeliest(plant: FittedPlant, records: Sequence[HealthyRecording], begin: FitPoint) -> FitPoint:
+    """Give a point with the likeliest starts of recordings, all else as it stands there."""
+    known = all_known(plant, plant.unknowns.fill(plant.base, begin.values)[0])
+    finish = Finish(CLOSE_ENOUGH)
+    summit = ascend(known, records, replace(begin, values=_NONE), _NONE, turns=_TURNS, finish=finish)
+    return replace(summit.point, values=begin.values)

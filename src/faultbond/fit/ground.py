@@ -9,7 +9,7 @@ import numpy as np
 
 from faultbond.arrays import FloatArray
 from faultbond.equations.step import StepModel
-from faultbond.fit.ascent import START_PRIOR, Finish, Summit, ascend
+from faultbond.fit.ascent import START_PRIOR, Finish, Summit, ascend, spread_noise
 from faultbond.fit.certainty import inverse_of
 from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, evidence_of, foretold, joint_courses, likelihoods
 from faultbond.fit.foothold import Added, Footing, values_at, with_noise
@@ -287,10 +287,18 @@ class Ground:
             q = self.with_one(q, item)
         return q
 
-    def climbed(self, stand: Footing, *more: Imperfection, few: bool = False, least: float = CLOSE_ENOUGH) -> Footing:
+    def climbed(
+        self,
+        stand: Footing,
+        *more: Imperfection,
+        few: bool = False,
+        least: float = CLOSE_ENOUGH,
+        is_far: bool = False,
+    ) -> Footing:
         """Give where a climb leads that begins where it stands, with further imperfections; perhaps for few records.
 
-        least: nats that a further step has to bring.
+        least: nats that a further step has to bring. is_far: whether it begins far from there, as where parameters are
+        held inside what was declared, so with noise as large as that leaves unexplained.
 
         Curves begin straight where that is higher: what they are found as, other values had made room for.
         """
@@ -306,6 +314,8 @@ class Ground:
             )
             begins = [begin, self.point_of(plant, straight, stand, records)]
             begin = max(begins, key=lambda point: likelihood_value(plant, records, point))
+        if is_far:
+            begin = spread_noise(plant, records, begin)
         anchor = self.begin_of(records, search.begin).starts
         wide = unknowns.widened(self.widths(unknowns))
         finish = Finish(least, NEARLY if few else NEARER)

@@ -83,7 +83,8 @@ def _together(search: Search, stand: Footing, begin: Footing, lags: Sequence[Imp
     with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
         near = search.ground_with(begin, lags).climbed(begin, *lags, few=True)
         lasting = [item.what for item in near.added[len(stand.added) :] if item.what.size > NO_LAG * search.step]
-        if not lasting or not near.few - stand.few >= FEWEST:
+        gained, held = near.few - stand.few, near.held - stand.held
+        if not lasting or not gained >= FEWEST or not held > -gained:  # what is held back loses more: no use to go on
             return None
         begin = replace(stand, values={name: near.values[name] for name in stand.values})
         found = search.ground_with(begin, lasting).climbed(begin, *lasting)

@@ -105,10 +105,28 @@ def _least(value: float, item: Parameter) -> float:
 
 
 def estimates_of(found: Fit) -> tuple[Estimate, ...]:
-    """Give the parameters that were fitted, in the order of the model."""
-    unknowns, certainty = found.plant.unknowns, found.certainty
-    q, slopes = unknowns.fill(found.plant.base, found.summit.point.values)
+    """Give the parameters that were fitted, in the order of the model, as they are where those that stay 0 are 0.
+
+    Those that stay are given as they were found. The others go with them as the fit says (mean of a normal
+    distribution, given a part of it): with a leak that is written as none a pipe takes what had leaked.
+    """
     values = found.summit.point.values
+    estimates = _estimates_at(found, values)
+    zeros = [k for k, item in enumerate(estimates) if item.stays_zero and item.value != 0.0]
+    if not zeros:
+        return estimates
+    n, unknowns = len(estimates), found.plant.unknowns
+    covariance = found.certainty.covariance[:n, :n]
+    moved = values.copy()
+    moved[:n] -= covariance[:, zeros] @ np.linalg.lstsq(covariance[np.ix_(zeros, zeros)], values[zeros])[0]
+    moved[zeros] = values[zeros]
+    return _estimates_at(found, np.clip(moved, unknowns.lower, unknowns.upper))
+
+
+def _estimates_at(found: Fit, values: FloatArray) -> tuple[Estimate, ...]:
+    """Give the parameters that were fitted with the unknowns at values (n,)."""
+    unknowns, certainty = found.plant.unknowns, found.certainty
+    q, slopes = unknowns.fill(found.plant.base, values)
     estimates = []
     for k, item in enumerate(unknowns.parameters):
         factor, unit = float(q[unknowns.places[k]]), abs(float(slopes[k]) * item.scale)

@@ -58,6 +58,7 @@ LARGER = (3.0, 10.0, 30.0)  # times the largest size tried, where that is the be
 LONGEST = 0.25  # of a recording: what stays longer is a parameter, not an error that comes and goes
 LAG_GRID = 2.0  # samples: a lag for which one step of the integration is enough
 NO_LAG = 1.01 * LEAST_LAG  # samples: a lag that would rather be none
+NOTHING = 0.02  # samples: a lag that does nothing
 AGAIN = 2.0  # times what it promised before; what was tried in vain and promises more is tried once more
 MOVES = (0.3, 1.0, 3.0, 10.0)  # of a sensor's noise, after an input has moved as far as it usually does
 MOST_SAMPLES, LEAST_SAMPLES = 6000, 2000  # with which sizes are compared, and where many numbers are followed
@@ -185,7 +186,7 @@ class Search:
         """Give a footing without lags that have come down to the least, and what is of no use, if that is as good.
 
         What was added with them or later explains what they did. Data say nothing of a lag so short, so errors of any
-        kind would move it.
+        kind would move it; one that does nothing goes with all else as it stands where a climb leads elsewhere.
         """
         if any(item.what.kind is Kind.ORDER for item in stand.added):
             stand = replace(stand, added=with_orders(stand.added))
@@ -199,23 +200,25 @@ class Search:
         kept = tuple(item for item in stand.added if item not in gone)
         alone = self.ground(graph).climbed(replace(stand, graph=graph, added=kept))
         if not stand.held - alone.held < WORTH:
-            self.missed |= {item.what.key for item in gone}
-            return stand
+            nothing = self._spent_lags(stand, NOTHING)
+            self.missed |= {item.what.key for item in gone if item not in nothing}
+            self.refused |= {item.what.key: np.inf for item in nothing}
+            return self.without_spent_lags(stand, NOTHING) if nothing else stand
         self.refused |= {item.what.key: np.inf for item in gone if not item.what.is_slow}
         return alone
 
-    def without_spent_lags(self, stand: Footing) -> Footing:
-        """Give a footing without lags that have come down to the least, all else as it stands."""
-        gone, graph = self._spent_lags(stand), stand.graph
+    def without_spent_lags(self, stand: Footing, most: float = NO_LAG) -> Footing:
+        """Give a footing without lags that have come down to the least, or so many samples, all else as it stands."""
+        gone, graph = self._spent_lags(stand, most), stand.graph
         for item in gone:
             graph = _without(graph, item.what)
         return replace(stand, graph=graph, added=tuple(item for item in stand.added if item not in gone))
 
-    def _spent_lags(self, stand: Footing) -> list[Added]:
+    def _spent_lags(self, stand: Footing, most: float = NO_LAG) -> list[Added]:
         own = {item.name for item in self.graph.parameters}
         added = [item for item in stand.added if item.what.kind is Kind.LAG and parameter_name(item.what) not in own]
         others = {item.what.place for item in stand.added if item.what.kind in (Kind.ORDER, Kind.RATE_LIMIT)}
-        return [item for item in added if item.what.size <= NO_LAG * self.step and item.what.place not in others]
+        return [item for item in added if item.what.size <= most * self.step and item.what.place not in others]
 
     def _spent(self, stand: Footing) -> list[Added]:
         """Give slow errors that the model does not declare, and curves, each of which the recordings would not miss.

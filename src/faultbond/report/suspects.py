@@ -22,7 +22,7 @@ UNDETERMINED = "not determined by the data"
 UNDETERMINED_SHARE = 0.9  # of the sd that a faulty value has before the data are seen
 SIGNIFICANT = 2.0  # standard deviations
 WILD = 0.1  # of its value, or of the nominal, by which a drift may move in a sample
-OTHERWISE = 0.1  # a kind with at least this share is told beside the likeliest one
+OTHERWISE = 0.05  # a kind with at least this share is told beside the likeliest one
 PACE_WORDS = {"s": "second", "min": "minute", "h": "hour", "d": "day"}
 KIND_WORDS = {
     FaultKind.STEP: "a step",

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
@@ -669,8 +669,8 @@ def test_another_power_is_found(exponent: float, tmp_path: Path, monkeypatch: py
     """
     losses, climb = list[tuple[float, float]](), Ground.climbed
 
-    def climbed(ground: Ground, stand: Footing, *more: Imperfection, few: bool = False, least: float = 0.2) -> Footing:
-        found = climb(ground, stand, *more, few=few, least=least)
+    def climbed(ground: Ground, stand: Footing, *more: Imperfection, **options: Any) -> Footing:
+        found = climb(ground, stand, *more, **options)
         losses.extend((found.bent[item.key], found.few - stand.few) for item in more if item.kind is Kind.CURVE)
         return found
 

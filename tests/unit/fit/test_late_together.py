@@ -14,6 +14,7 @@ from faultbond.errors import StructureError
 from faultbond.fit import lags
 from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.imperfections import Imperfection, Kind
+from faultbond.fit.quiet_search import FEWEST
 from faultbond.model.text import parse_model
 from quieted import quiet_record
 
@@ -121,6 +122,7 @@ def test_they_are_asked_for_together_once(monkeypatch: pytest.MonkeyPatch) -> No
         (100.0, 50.0, (0.01, 0.01, 0.01), None),
         (100.0, 2.0, (0.2, 0.2, 0.2), None),  # what was held back is foretold no better
         (4.0, 50.0, (0.2, 0.2, 0.2), None),  # nor what is fitted
+        (100.0, -101.0, (0.2, 0.2, 0.2), None),  # what was held back loses more than few gain: no further climb
     ],
 )
 def test_lags_are_kept_that_last_where_they_foretell_better(
@@ -133,7 +135,10 @@ def test_lags_are_kept_that_last_where_they_foretell_better(
         dict(zip(("v1", "v2", "i"), sizes, strict=True)),
     )
 
+    climbs: list[int] = []
+
     def climbed(begin: Footing, *asked: Imperfection, **_: object) -> Footing:
+        climbs.append(len(asked))
         new = (Added(what=replace(x, size=found[x.place]), trained=few, held=held) for x in asked)
         return replace(begin, few=begin.few + few, held=begin.held + held, added=(*begin.added, *new))
 
@@ -142,6 +147,7 @@ def test_lags_are_kept_that_last_where_they_foretell_better(
     search.tell, search.ground_with = (lambda _: None), (lambda *_: SimpleNamespace(climbed=climbed))
     lagging = lags.late_together(cast(Any, search), stand)
     assert (None if lagging is None else [item.what.place for item in lagging.added]) == kept
+    assert len(climbs) == (1 if few < FEWEST or held < -few or max(sizes) < 0.1 else 2)
     if lagging is not None:
         assert [item.held for item in lagging.added] == [held, *[0.0] * (len(lagging.added) - 1)]
 

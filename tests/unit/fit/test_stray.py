@@ -16,15 +16,16 @@ from faultbond.app import quiet_fit
 from faultbond.app.deadline import Deadline
 from faultbond.app.engine import build_watcher
 from faultbond.app.identification import read_points
-from faultbond.app.likelihood import likelihood_engine
+from faultbond.app.likelihood import begun_likelihood, likelihood_engine
 from faultbond.app.quiet_fit import _next
 from faultbond.cli import DONE, main
-from faultbond.fit import cure, identification
-from faultbond.fit.ascent import TURNS, Finish, Summit, ascend
+from faultbond.fit import cure, ground, identification
+from faultbond.fit.ascent import TURNS, Finish, Summit, ascend, spread_noise
 from faultbond.fit.cure import Cure, cured, strayed
 from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.identification import Fit, Prior, fit_plant
 from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
+from faultbond.fit.objective import FitPoint, FittedPlant
 from faultbond.fit.outcome import estimates_of
 from faultbond.fit.quiet_search import FEWEST, WORTH, Search
 from faultbond.fit.session import build_fit, free_parameters
@@ -200,7 +201,8 @@ class Cured(SimpleNamespace):
     def ground(self, graph: object) -> SimpleNamespace:
         return SimpleNamespace(climbed=self.climbed)
 
-    def climbed(self, stand: Footing) -> Footing:
+    def climbed(self, stand: Footing, *, is_far: bool = False) -> Footing:
+        assert is_far is bool(self.inside)
         if self.inside:
             course, ahead = (0.0 if known else -np.inf for known in (self.course, self.ahead))
             return replace(stand, held=ahead - 500.0, trained=course, values={**stand.values, "R": 2.1})
@@ -266,10 +268,10 @@ def test_what_a_cure_leads_to_is_known_before_it_ends(monkeypatch: pytest.Monkey
     """With the parameter let go, while it is asked still whether it stays by itself."""
 
     class Stopped(Cured):
-        def climbed(self, stand: Footing) -> Footing:
+        def climbed(self, stand: Footing, *, is_far: bool = False) -> Footing:
             if "R" in self.believed:
                 raise InterruptedError
-            return super().climbed(stand)
+            return super().climbed(stand, is_far=is_far)
 
     graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
     stand = Footing(graph=graph, values={item.name: item.nominal for item in graph.parameters} | {"R": 3.0}, starts={})
@@ -498,3 +500,49 @@ def test_only_the_best_start_goes_on_from_places_around(recording: Path, monkeyp
     best = max(climbs[:3], key=lambda item: item.posterior)
     assert best.gained > 1.0
     assert {item["finish"].nats for item in asked[3:]} == {1e-3 * best.gained}  # what follows is no finer than that
+
+
+def test_where_a_part_stays_zero_the_others_are_as_they_are_then(recording: Path) -> None:
+    """A cable of which data cannot tell that it resists at all is written as none, and the winding has all of it."""
+    text = MODEL.replace("RESISTANCE", "3.8 ohm").replace(
+        "R_c: 1 ohm", "R_c: {nominal: 0 ohm, accuracy: 0.1 ohm, change: 1 ohm}"
+    )
+    graph = parse_model(text, file="m.yaml")
+    core, model = build_watcher(graph), build_model(graph)
+    read = [("a", read_points(graph, str(recording)))]
+    plant, records, begin = build_fit(model, likelihood_engine(model), core, read, free_parameters(graph))
+    found = fit_plant(plant, records, begin, starts=1)
+    parameters = {item.parameter.name: item for item in estimates_of(found)}
+    cable = parameters["R_c"]
+    assert cable.stays_zero
+    assert 0.05 < cable.value < 0.2
+    assert parameters["R"].value == pytest.approx(TOTAL, rel=0.005)
+    summit = dict(zip(parameters, found.summit.point.values, strict=False))
+    assert 3.8 * float(np.exp(summit["R"])) < 0.99 * TOTAL  # beside the cable that was found
+
+
+def test_a_climb_from_afar_begins_with_the_noise_that_is_left_there(
+    recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the noise as it stands it would begin on a cliff; here, where there is none, both lead back."""
+    graph = parse_model(MODEL.replace("RESISTANCE", "3 ohm"), file="m.yaml")
+    core, model, parameters = build_watcher(graph), build_model(graph), free_parameters(graph)
+    read = [("a", read_points(graph, str(recording)))]
+    plant, records, begin = build_fit(model, likelihood_engine(model), core, read, parameters)
+    found = fit_plant(plant, records, begin, starts=1)
+    search = Search(graph, begun_likelihood, 1, lambda _: None, parameters, (), (records, records), (begin, begin))
+    stand, spread = search.first(found), list[FitPoint]()
+
+    def noted(plant: FittedPlant, records: Any, point: FitPoint) -> FitPoint:
+        spread.append(spread_noise(plant, records, point))
+        return spread[-1]
+
+    monkeypatch.setattr(ground, "spread_noise", noted)
+    away = replace(stand, values={**stand.values, "R": 6.0})
+    near = search.ground(graph).climbed(away)
+    assert not spread
+    far = search.ground(graph).climbed(away, is_far=True)
+    noise = plant.unknowns.n_theta
+    assert spread[0].values[noise] > found.summit.point.values[noise] + np.log(3.0)
+    assert far.trained == pytest.approx(near.trained, abs=1.0)
+    assert far.trained == pytest.approx(stand.trained, abs=1.0)
