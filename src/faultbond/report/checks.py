@@ -51,9 +51,9 @@ def action(graph: BondGraph, item: Advice, notation: Notation) -> str:
 
 
 def partition(graph: BondGraph, item: Advice) -> str:
-    """Say what a check would tell apart: `pipe from valve or leak`."""
+    """Say what a check would tell apart, `pipe from valve or leak`; each once, however many parameters it has."""
     groups = [[" with ".join(_owner(graph, name) for name in chosen) for chosen in group] for group in item.separates]
-    return " from ".join(" or ".join(group) for group in groups)
+    return " from ".join(" or ".join(dict.fromkeys(group)) for group in groups)
 
 
 def _owner(graph: BondGraph, name: str) -> str:

@@ -230,7 +230,7 @@ def _needed_texts(found: Health) -> Iterator[str]:
         yield f"more than can be declared: of {kinds} {tried}"
         return
     if found.walk > 1.0:
-        yield f"{found.walker}: to move farther than declared, and of the rest"
+        yield f"{found.walker} must be let move farther than it is declared to, and besides one of these be larger:"
     for kind, factor in found.needed.items():
         if factor is None:
             yield f"{WORDS[kind]}: none from {FACTORS[0]:g} to {FACTORS[-1]:g} times is enough by itself"

@@ -45,6 +45,8 @@ def test_actions() -> None:
 def test_what_a_check_parts() -> None:
     """Groups that would be left are set against each other, sets by their parts."""
     assert partition(GRAPH, LOOK) == "pipe from flow sensor or pipe with leak"
+    twice = replace(LOOK, separates=((("pipe",),), (("pump",), ("pump",), ("flow",))))  # by two parameters of the pump
+    assert partition(GRAPH, twice) == "pipe from pump or flow sensor"
 
 
 def test_costs_are_told_where_they_differ() -> None:
