@@ -80,7 +80,7 @@
 #define MOST_RIVALS 8
 #define SURE 0.95
 #include "layout.h"
-static const uint64_t MODEL_HASH[] = {0xb1a1d31a6bb6109aULL, 0x01e303ff2dc5239cULL, 0xa0662eb1c07ccbdfULL, 0xaa2952ea71fd0719ULL};
+static const uint64_t MODEL_HASH[] = {0xdaa39eb937988d24ULL, 0x994bec7b012b66a9ULL, 0x63869a75fdddd6cfULL, 0x4dd0cc09639d8258ULL};
 static const double STATE_VARIANCE[] = {4e-06};
 static const double SLOW_VARIANCE[] = {0.0};
 static const double SLOW_MEMORY[] = {0.0};
@@ -162,6 +162,8 @@ static const double INPUT_STEP_PART[] = {0.01};
 static const double INPUT_HEALTHY_BIAS[] = {0.0};
 static const double INPUT_ZERO[] = {0.0};
 static const int INPUT_FACTOR[] = {-1};
+static const int INPUT_TERM[] = {-1};
+static const double INPUT_TERM_PART[] = {0.0};
 static const double INPUT_FAMILIAR_LOW[] = {(-INFINITY)};
 static const double INPUT_FAMILIAR_HIGH[] = {INFINITY};
 static const int INPUT_RANGED[] = {0};

@@ -104,6 +104,8 @@ class InputSpec:
     smooth: bool = False  # whether its noise is that of the record, and what acts is smooth
     healthy_bias: float = 0.0  # by which it seems to be off on healthy data, SI; 0: not known
     factor: int = -1  # the parameter with which alone it acts; -1: none
+    term: int = -1  # the parameter that acts as it does; -1: none
+    term_part: float = 0.0  # how much of that, in its scales, one of it is, SI
     fitted_range: tuple[float, float] = (-inf, inf)  # where it was in the recordings of a fit, SI
     ends: tuple[float, float] = (-inf, inf)  # between which it can be, SI
 

@@ -190,7 +190,7 @@ static double changes_input(int64_t k, double u) { return SLOT_SCALES[k] ? u - I
 
 /* What lane k of the plan, whose fault has been there all along, does like a parameter, or in the place of a slow error: by how much
    that would be off for each of its size; `place`: where that stands in a lane, -1: nowhere. An input does what the parameter does
-   with which alone it acts, theta u (1 + change / u). */
+   with which alone it acts, theta u (1 + change / u), or which acts as it does. */
 static double acts_like(int64_t k, const Trail *trail, int64_t n_seen, double (*block)[GROUP], int l, int *place)
 {
     const int output = SLOT_OUTPUT[k], input = SLOT_INPUT[k];
@@ -201,9 +201,13 @@ static double acts_like(int64_t k, const Trail *trail, int64_t n_seen, double (*
     }
     if (input >= 0) {
         const double u = sample_at(trail, n_seen - 1)[SAMPLE_U + input];
-        if (INPUT_FACTOR[input] < 0 || u == 0.0) return 0.0;
-        *place = AT_PARAMETERS + INPUT_FACTOR[input];
-        return block[*place][l] * changes_input(k, u) / u;
+        if (INPUT_FACTOR[input] >= 0 && u != 0.0) {
+            *place = AT_PARAMETERS + INPUT_FACTOR[input];
+            return block[*place][l] * changes_input(k, u) / u;
+        }
+        if (INPUT_TERM[input] < 0) return 0.0;
+        *place = AT_PARAMETERS + INPUT_TERM[input];
+        return INPUT_TERM_PART[input] * changes_input(k, u);
     }
     if (SLOW_OF_OUTPUT[output] < 0) return 0.0;
     *place = AT_SLOW + SLOW_OF_OUTPUT[output];

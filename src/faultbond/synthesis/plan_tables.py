@@ -127,6 +127,8 @@ def _plant_tables(spec: EngineSpec) -> Iterable[str]:
     yield numbers("INPUT_HEALTHY_BIAS", (item.healthy_bias for item in spec.inputs))
     yield numbers("INPUT_ZERO", (item.unit_offset for item in spec.inputs))
     yield integers("INPUT_FACTOR", (item.factor for item in spec.inputs))
+    yield integers("INPUT_TERM", (item.term for item in spec.inputs))
+    yield numbers("INPUT_TERM_PART", (item.term_part for item in spec.inputs))
     familiar = [familiar_range(item.fitted_range, item.unit_offset) for item in spec.inputs]
     for end, name in enumerate(("LOW", "HIGH")):
         yield numbers(f"INPUT_FAMILIAR_{name}", (item[end] for item in familiar))

@@ -1,4 +1,7 @@
-"""Inputs that act with one parameter alone, as in G*u or K*u**0.8: a wrong gain of the one is a change of the other."""
+"""Inputs that act with one parameter alone, as in G*u or K*u**0.8, or as one does, as in M + M0.
+
+A wrong gain of the input is a change of the parameter in the one case, a bias of it in the other.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -40,6 +43,25 @@ def factors_of_inputs(plant: Plant) -> tuple[int, ...]:
     return tuple(found)
 
 
+def terms_of_inputs(plant: Plant) -> tuple[tuple[int, float], ...]:
+    """Give for each input the suspect parameter that acts as it does, and how much of it one of the input is; -1: none.
+
+    Both in SI. Not of an input with a longer lag, see `factors_of_inputs`.
+    """
+    graph, values = plant.graph, ca.vertcat(plant.rates, plant.readings, plant.gap)
+    function = ca.Function("values", [plant.x, plant.u, plant.theta, plant.b, plant.z], [ca.densify(values)])
+    points, stores, found = list(_points(plant)), plant.network.states, []
+    for k, item in enumerate(graph.inputs):
+        lag = graph.parameter(item.lag).nominal if item.lag else 0.0
+        behind = [j for j, store in enumerate(stores) if item.lag and store.owner == item.name]
+        named = (
+            j for j, known in enumerate(graph.parameters) if known.suspect and lag <= LATE * (graph.sample_time or 0.0)
+        )
+        sums = ((j, _part_of([_sums(function, point, k, behind, j) for point in points])) for j in named)
+        found.append(next(((j, part) for j, part in sums if part), (-1, 0.0)))
+    return tuple(found)
+
+
 def _points(plant: Plant) -> Iterator[list[FloatArray]]:
     """Give states, inputs, parameters, errors and implicit signals where the plant may be.
 
@@ -76,6 +98,36 @@ def _values(function: ca.Function, point: list[FloatArray], number: int, behind:
         return np.delete(np.asarray(function(x, u, theta, *point[3:]))[:, 0], behind)
 
     return values
+
+
+def _sums(function: ca.Function, point: list[FloatArray], number: int, behind: list[int], parameter: int) -> Probe:
+    """Give what tells rates and readings with more of an input, and what lags behind it, and more of a parameter.
+
+    behind : the states that lag behind the input, of which the rates are left out
+    """
+
+    def values(more: float, further: float) -> FloatArray:
+        x, u, theta = point[0].copy(), point[1].copy(), point[2].copy()
+        u[number] += more
+        theta[parameter] += further
+        x[behind] += more
+        return np.delete(np.asarray(function(x, u, theta, *point[3:]))[:, 0], behind)
+
+    return values
+
+
+def _part_of(points: Sequence[Probe]) -> float:
+    """Give how much more of a parameter does what one more of an input does, everywhere; 0: nothing does."""
+    usual = points[0](0.0, 0.0)
+    by_input, by_parameter = points[0](1.0, 0.0) - usual, points[0](0.0, 1.0) - usual
+    if not np.all(np.isfinite([by_input, by_parameter])):
+        return 0.0
+    most = int(np.argmax(np.abs(by_input) / np.maximum(np.abs(usual), 1e-300)))
+    if by_input[most] == 0.0 or by_parameter[most] == 0.0:
+        return 0.0
+    part = float(by_input[most] / by_parameter[most])
+    is_so = all(_is_same(values(more, 0.0), values(0.0, part * more)) for values in points for more in TIMES)
+    return part if is_so else 0.0
 
 
 def _act_together(points: Sequence[Probe]) -> bool:

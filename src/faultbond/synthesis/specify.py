@@ -22,7 +22,7 @@ from faultbond.contract.spec import (
 from faultbond.equations.constraint_network import Store
 from faultbond.equations.step import StepModel, is_guessed, reference_inputs
 from faultbond.model.graph import BondGraph, Input, Parameter, Sensor, SlowError, Validity
-from faultbond.synthesis.products import factors_of_inputs
+from faultbond.synthesis.products import factors_of_inputs, terms_of_inputs
 from faultbond.synthesis.promise import cusum_limit, slow_error_limit
 
 VERSION = version("faultbond")
@@ -74,8 +74,15 @@ def build_spec(model: StepModel) -> EngineSpec:
         slow_errors=slow,
         parameters=tuple(_parameter(item, *_lateness(model, lags, k)) for k, item in enumerate(graph.parameters)),
         inputs=tuple(
-            _input(item, factor, lags.get(k, 0.0), acts=item.name in graph.acting_inputs, hidden=item.name in hidden)
-            for k, (item, factor) in enumerate(zip(graph.inputs, factors_of_inputs(plant), strict=True))
+            replace(
+                _input(item, lags.get(k, 0.0), acts=item.name in graph.acting_inputs, hidden=item.name in hidden),
+                factor=factor,
+                term=term,
+                term_part=part / graph.parameters[term].scale if term >= 0 else 0.0,
+            )
+            for k, (item, factor, (term, part)) in enumerate(
+                zip(graph.inputs, factors_of_inputs(plant), terms_of_inputs(plant), strict=True)
+            )
         ),
         outputs=tuple(
             _output(item, model.felt[k], conditions, stores, hidden=item.name in hidden)
@@ -279,11 +286,11 @@ def _place(stated: Validity | None, conditions: tuple[Validity, ...]) -> int:
     return -1 if stated is None else conditions.index(stated)
 
 
-def _input(item: Input, factor: int, lag: float, *, acts: bool, hidden: bool) -> InputSpec:
+def _input(item: Input, lag: float, *, acts: bool, hidden: bool) -> InputSpec:
     """Give an input; one that no law names only says in which state the plant is, and may take any value."""
     percent = item.unit.text == "percent"
     noise = _STEP_NOISE * item.noise
-    return InputSpec(
+    found = InputSpec(
         name=item.name,
         noise=item.noise,
         settling=item.settling,
@@ -299,10 +306,9 @@ def _input(item: Input, factor: int, lag: float, *, acts: bool, hidden: bool) ->
         hold=item.hold,
         smooth=item.smooth,
         healthy_bias=item.healthy_bias,
-        factor=factor,
         ends=(item.lower, item.upper),
-        **({} if item.fitted_range is None else {"fitted_range": item.fitted_range}),
     )
+    return found if item.fitted_range is None else replace(found, fitted_range=item.fitted_range)
 
 
 def _output(

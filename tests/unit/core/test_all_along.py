@@ -22,6 +22,7 @@ NOISY = CELL.replace("V: {unit: V, settling: 3 s}", "V: {unit: V, noise: 10 mV}"
 NOISY = NOISY.replace("W: {unit: A}", "W: {unit: A, lag: 2 s}")
 NOISY = NOISY.replace("law: f = W}", "law: f = g*W, parameters: {g: 1}}")
 NOISY = NOISY.replace("slow_error: {", "slow_error: {v: 20 mV over 60 s, ")
+ADDED = NOISY.replace("law: f = g*W, parameters: {g: 1}", "law: f = W + 2*g, parameters: {g: 1 A}")
 CALLS = """
 static double group[WIDE_NUMBERS][GROUP];
 static SlotMemory slots;
@@ -261,17 +262,23 @@ def test_suspects_that_were_off_all_along_move_the_states() -> None:
         assert len(learned) == 6
 
 
-def plan(k: int) -> dict[str, int]:
+def plan(k: int, asked: Bare | None = None) -> dict[str, int]:
     """What a lane of the plan is of."""
     names = ("parameter", "output", "kind", "scales", "n", "acts", "sticks", "settling", "input")
     found = np.zeros(len(names))
-    core().call("t_plan", np.array([float(k)]), found)
+    (asked or core()).call("t_plan", np.array([float(k)]), found)
     return dict(zip(names, found.astype(int).tolist(), strict=True))
 
 
-def test_slots_go_along_with_what_they_are_like() -> None:
-    """The slot of a parameter moves states as that does, of a sensor as its slow error, of an input as its factor."""
-    spec = core().spec
+@pytest.mark.parametrize("text", [NOISY, ADDED])
+def test_slots_go_along_with_what_they_are_like(text: str) -> None:
+    """The slot of a parameter moves states as that does, of a sensor as its slow error, of an input as its factor.
+
+    Or as the parameter that acts as it does, by how much of that one of it is.
+    """
+    asked = core() if text == NOISY else bare(CALLS, text)
+    spec = asked.spec
+    assert (spec.inputs[1].factor >= 0, spec.inputs[1].term_part) == ((True, 0.0) if text == NOISY else (False, 0.5))
     names, slow = ([item.name for item in items] for items in (spec.outputs, spec.slow_errors))
     kinds = list(FaultKind)
     readings, seen, follows = (
@@ -280,10 +287,10 @@ def test_slots_go_along_with_what_they_are_like() -> None:
         [item.name for item in spec.states].index("W.lagged"),
     )
     at_slot, n_x, n_wide = spec.parameter_slice.stop, len(spec.states), spec.slotted.n_joint
-    for k in range(plan(0)["n"]):
-        own, plain = plan(k), drawn(spec, 4)
+    for k in range(plan(0, asked)["n"]):
+        own, plain = plan(k, asked), drawn(spec, 4)
         before, after = np.zeros(spec.slotted.n_numbers), np.zeros(spec.slotted.n_numbers)
-        core().call("t_slot", np.array([float(k)]), plain, readings, before, after)
+        asked.call("t_slot", np.array([float(k)]), plain, readings, before, after)
         size, variance = before[at_slot], unpack(spec.slotted, before[spec.slotted.covariance_slice])[at_slot, at_slot]
         place, each, kind = None, 1.0, kinds[own["kind"]]
         if own["parameter"] >= 0:
@@ -293,7 +300,7 @@ def test_slots_go_along_with_what_they_are_like() -> None:
             each = readings[own["output"]] if scales else spec.outputs[own["output"]].noise
         elif own["input"] == 1:
             place = spec.parameter_slice.start + [item.name for item in spec.parameters].index("g")
-            each = before[place] * (1.0 if own["scales"] else 1.0 / readings[3])
+            each = (readings[3] if own["scales"] else 1.0) * (before[place] / readings[3] if text == NOISY else 0.5)
         if own["sticks"] or own["settling"] or not own["acts"] or kind is FaultKind.NOISE:
             place = None
         if place is None:

@@ -1,4 +1,4 @@
-"""Inputs that act with one parameter alone, times a power of them."""
+"""Inputs that act with one parameter alone, times a power of them, or as one does."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from faultbond.contract.couples import plan_couples
 from faultbond.equations.plant import build_plant
 from faultbond.model.text import parse_model
 from faultbond.synthesis.engine import build_engine
-from faultbond.synthesis.products import factors_of_inputs
+from faultbond.synthesis.products import factors_of_inputs, terms_of_inputs
 
 TANK = """
 name: tank
@@ -52,6 +52,32 @@ def test_which_input_acts_with_which_parameter(old: str, new: str, found: tuple[
     graph = parse_model(TANK.replace(old, new) if old else TANK)
     factors = factors_of_inputs(build_plant(graph))
     assert tuple("" if k < 0 else graph.parameters[k].name for k in factors) == found
+
+
+@pytest.mark.parametrize(
+    ("law", "unit", "found"),
+    [
+        ("G + 2*speed", "percent", ("G", 2.0)),
+        ("speed - 4*G", "percent", ("G", -0.25)),
+        ("(speed + G)*sqrt(G2)", "percent", ("G", 1.0)),
+        ("speed**2/full + G", "percent", ("", 0.0)),
+        ("G*speed", "", ("", 0.0)),
+        ("speed*G2 + G", "percent", ("", 0.0)),  # G2 wanders
+        ("full*(sin(speed/full) + sin(G/full))", "percent", ("", 0.0)),
+    ],
+)
+def test_which_parameter_acts_as_an_input_does(law: str, unit: str, found: tuple[str, float]) -> None:
+    """Where one more of the input is so much more of the parameter; a lag of a few samples does not part them."""
+    named = f"G: {{nominal: 3 {unit}, change: 1 {unit}}}" + (", G2: {nominal: 1, suspect: no}" if "G2" in law else "")
+    text = TANK.replace(
+        "law: f = G*speed, parameters: {G: 2e-5 m^3/s/percent}", f"law: f = q0*({law}), parameters: {{{named}}}"
+    )
+    text = text.replace("full: 100 percent", "full: 100 percent, q0: 1e-5 m^3/s/percent")
+    for lag, is_late in (("", False), ("lag: 3 s, ", False), ("lag: 6 s, ", True)):
+        graph = parse_model(text.replace("speed: {", f"speed: {{{lag}"))
+        k, part = terms_of_inputs(build_plant(graph))[0]
+        told = ("" if k < 0 else graph.parameters[k].name, part)
+        assert told == (("", 0.0) if is_late else (found[0], pytest.approx(found[1])))
 
 
 @pytest.mark.parametrize(("fitted", "found"), [("", ""), ("fitted_range: [300 percent, 400 percent], ", "G")])
