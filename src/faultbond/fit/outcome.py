@@ -118,7 +118,7 @@ def estimates_of(found: Fit) -> tuple[Estimate, ...]:
     n, unknowns = len(estimates), found.plant.unknowns
     covariance = found.certainty.covariance[:n, :n]
     moved = values.copy()
-    moved[:n] -= covariance[:, zeros] @ np.linalg.lstsq(covariance[np.ix_(zeros, zeros)], values[zeros])[0]
+    moved[:n] -= covariance[:, zeros] @ np.linalg.lstsq(covariance[np.ix_(zeros, zeros)], values[zeros], rcond=None)[0]
     moved[zeros] = values[zeros]
     return _estimates_at(found, np.clip(moved, unknowns.lower, unknowns.upper))
 

@@ -27,18 +27,10 @@ def factors_of_inputs(plant: Plant) -> tuple[int, ...]:
 
     An input with a longer lag has none: a gain of it comes as late as the input, and a change of the parameter at once.
     """
-    graph, values = plant.graph, ca.vertcat(plant.rates, plant.readings, plant.gap)
-    function = ca.Function("values", [plant.x, plant.u, plant.theta, plant.b, plant.z], [ca.densify(values)])
-    points, stores = list(_points(plant)), plant.network.states
-    found = []
-    for k, item in enumerate(graph.inputs):
-        lag = graph.parameter(item.lag).nominal if item.lag else 0.0
-        if lag > LATE * (graph.sample_time or 0.0):
-            found.append(-1)
-            continue
-        behind = [j for j, store in enumerate(stores) if item.lag and store.owner == item.name]
-        named = (j for j, known in enumerate(graph.parameters) if known.suspect and known.nominal != 0.0)
-        alike = (j for j in named if _act_together([_values(function, point, k, behind, j) for point in points]))
+    function, points, parameters, found = _function(plant), list(_points(plant)), plant.graph.parameters, []
+    for k, behind, named in _partners(plant):
+        others = (j for j in named if parameters[j].nominal != 0.0)
+        alike = (j for j in others if _act_together([_values(function, point, k, behind, j) for point in points]))
         found.append(next(alike, -1))
     return tuple(found)
 
@@ -48,18 +40,27 @@ def terms_of_inputs(plant: Plant) -> tuple[tuple[int, float], ...]:
 
     Both in SI. Not of an input with a longer lag, see `factors_of_inputs`.
     """
-    graph, values = plant.graph, ca.vertcat(plant.rates, plant.readings, plant.gap)
-    function = ca.Function("values", [plant.x, plant.u, plant.theta, plant.b, plant.z], [ca.densify(values)])
-    points, stores, found = list(_points(plant)), plant.network.states, []
-    for k, item in enumerate(graph.inputs):
-        lag = graph.parameter(item.lag).nominal if item.lag else 0.0
-        behind = [j for j, store in enumerate(stores) if item.lag and store.owner == item.name]
-        named = (
-            j for j, known in enumerate(graph.parameters) if known.suspect and lag <= LATE * (graph.sample_time or 0.0)
-        )
+    function, points, found = _function(plant), list(_points(plant)), []
+    for k, behind, named in _partners(plant):
         sums = ((j, _part_of([_sums(function, point, k, behind, j) for point in points])) for j in named)
         found.append(next(((j, part) for j, part in sums if part), (-1, 0.0)))
     return tuple(found)
+
+
+def _function(plant: Plant) -> ca.Function:
+    """Give what gives rates, readings and what is left of implicit laws."""
+    values = ca.vertcat(plant.rates, plant.readings, plant.gap)
+    return ca.Function("values", [plant.x, plant.u, plant.theta, plant.b, plant.z], [ca.densify(values)])
+
+
+def _partners(plant: Plant) -> Iterator[tuple[int, list[int], list[int]]]:
+    """Give each input, the states that lag behind it, and the suspect parameters; none of one that lags for long."""
+    graph = plant.graph
+    suspects = [j for j, known in enumerate(graph.parameters) if known.suspect]
+    for k, item in enumerate(graph.inputs):
+        lag = graph.parameter(item.lag).nominal if item.lag else 0.0
+        behind = [j for j, store in enumerate(plant.network.states) if item.lag and store.owner == item.name]
+        yield k, behind, suspects if lag <= LATE * (graph.sample_time or 0.0) else []
 
 
 def _points(plant: Plant) -> Iterator[list[FloatArray]]:
