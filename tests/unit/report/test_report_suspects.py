@@ -159,11 +159,12 @@ def test_limits_that_are_near_far_or_passed(factor: float, forecast: Forecast, t
 
 
 def test_other_kinds_are_told_when_they_are_likely() -> None:
-    """A kind with at least a tenth of the probability is named beside the likeliest one."""
+    """A kind with at least a twentieth of the probability is named beside the likeliest one."""
     found = suspect(GRAPH, "K1", 1.5, 0.1)
-    open_case = kind_of(found, (FaultKind.STEP, 0.6), (FaultKind.DRIFT, 0.35), (FaultKind.INTERMITTENT, 0.05))
+    open_case = kind_of(found, (FaultKind.STEP, 0.61), (FaultKind.DRIFT, 0.35), (FaultKind.INTERMITTENT, 0.04))
     assert otherwise(open_case) == " Of its kind less is sure: it may also be a drift (35 %)."
-    assert otherwise(kind_of(found, (FaultKind.STEP, 0.95), (FaultKind.DRIFT, 0.05))) == ""
+    assert otherwise(kind_of(found, (FaultKind.STEP, 0.96), (FaultKind.DRIFT, 0.04))) == ""
+    assert "a drift (5 %)" in otherwise(kind_of(found, (FaultKind.STEP, 0.95), (FaultKind.DRIFT, 0.05)))
     assert otherwise(Candidate(suspects=(found,), probability=1.0, group=True)) == ""
 
 
