@@ -22,7 +22,7 @@ NOISY = CELL.replace("V: {unit: V, settling: 3 s}", "V: {unit: V, noise: 10 mV}"
 NOISY = NOISY.replace("W: {unit: A}", "W: {unit: A, lag: 2 s}")
 NOISY = NOISY.replace("law: f = W}", "law: f = g*W, parameters: {g: 1}}")
 NOISY = NOISY.replace("slow_error: {", "slow_error: {v: 20 mV over 60 s, ")
-ADDED = NOISY.replace("law: f = g*W, parameters: {g: 1}", "law: f = W + 2*g, parameters: {g: 1 A}")
+ADDED = NOISY.replace("law: f = g*W, parameters: {g: 1}", "law: f = W + 2*g, parameters: {g: 4 A}")
 CALLS = """
 static double group[WIDE_NUMBERS][GROUP];
 static SlotMemory slots;
@@ -278,7 +278,7 @@ def test_slots_go_along_with_what_they_are_like(text: str) -> None:
     """
     asked = core() if text == NOISY else bare(CALLS, text)
     spec = asked.spec
-    assert (spec.inputs[1].factor >= 0, spec.inputs[1].term_part) == ((True, 0.0) if text == NOISY else (False, 0.5))
+    assert (spec.inputs[1].factor >= 0, spec.inputs[1].term_part) == ((True, 0.0) if text == NOISY else (False, 0.125))
     names, slow = ([item.name for item in items] for items in (spec.outputs, spec.slow_errors))
     kinds = list(FaultKind)
     readings, seen, follows = (
@@ -300,7 +300,7 @@ def test_slots_go_along_with_what_they_are_like(text: str) -> None:
             each = readings[own["output"]] if scales else spec.outputs[own["output"]].noise
         elif own["input"] == 1:
             place = spec.parameter_slice.start + [item.name for item in spec.parameters].index("g")
-            each = (readings[3] if own["scales"] else 1.0) * (before[place] / readings[3] if text == NOISY else 0.5)
+            each = (readings[3] if own["scales"] else 1.0) * (before[place] / readings[3] if text == NOISY else 0.125)
         if own["sticks"] or own["settling"] or not own["acts"] or kind is FaultKind.NOISE:
             place = None
         if place is None:
