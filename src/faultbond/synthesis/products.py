@@ -4,6 +4,8 @@ A wrong gain of the input is a change of the parameter in the one case, a bias o
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from operator import add, mul
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,7 +21,8 @@ SPREAD = (0.5, 2.0)  # of values about what they are
 LATE = 5.0  # samples: a gain of an input that lags less comes about as early as a change of the parameter
 MOST_POWER = 10.0
 SECANTS = 30  # to the power with which the input acts
-Probe = Callable[[float, float], FloatArray]  # by how much the input is larger, and the parameter smaller
+_Change = Callable[..., Any]  # gives a number, or some, changed by another: `operator.mul` or `operator.add`
+Probe = Callable[[float, float], FloatArray]  # by what the input is changed, and the parameter
 
 
 def factors_of_inputs(plant: Plant) -> tuple[int, ...]:
@@ -30,7 +33,7 @@ def factors_of_inputs(plant: Plant) -> tuple[int, ...]:
     function, points, parameters, found = _function(plant), list(_points(plant)), plant.graph.parameters, []
     for k, behind, named in _partners(plant):
         others = (j for j in named if parameters[j].nominal != 0.0)
-        alike = (j for j in others if _act_together([_values(function, point, k, behind, j) for point in points]))
+        alike = (j for j in others if _act_together([_probe(function, point, (k, behind, j), mul) for point in points]))
         found.append(next(alike, -1))
     return tuple(found)
 
@@ -42,7 +45,7 @@ def terms_of_inputs(plant: Plant) -> tuple[tuple[int, float], ...]:
     """
     function, points, found = _function(plant), list(_points(plant)), []
     for k, behind, named in _partners(plant):
-        sums = ((j, _part_of([_sums(function, point, k, behind, j) for point in points])) for j in named)
+        sums = ((j, _part_of([_probe(function, point, (k, behind, j), add) for point in points])) for j in named)
         found.append(next(((j, part) for j, part in sums if part), (-1, 0.0)))
     return tuple(found)
 
@@ -85,33 +88,20 @@ def _points(plant: Plant) -> Iterator[list[FloatArray]]:
         yield drawn
 
 
-def _values(function: ca.Function, point: list[FloatArray], number: int, behind: list[int], parameter: int) -> Probe:
-    """Give what tells rates and readings with an input, and what lags behind it, larger, and a parameter smaller.
+def _probe(
+    function: ca.Function, point: list[FloatArray], places: tuple[int, list[int], int], change: _Change
+) -> Probe:
+    """Give what tells rates and readings with an input, what lags behind it, and a parameter changed; see `Probe`.
 
-    behind : the states that lag behind the input, of which the rates are left out
+    places : of the input, of the states behind it, of which the rates are left out, and of the parameter
     """
+    number, behind, parameter = places
 
-    def values(larger: float, smaller: float) -> FloatArray:
+    def values(by: float, meanwhile: float) -> FloatArray:
         x, u, theta = point[0].copy(), point[1].copy(), point[2].copy()
-        u[number] *= larger
-        theta[parameter] /= smaller
-        x[behind] *= larger
-        return np.delete(np.asarray(function(x, u, theta, *point[3:]))[:, 0], behind)
-
-    return values
-
-
-def _sums(function: ca.Function, point: list[FloatArray], number: int, behind: list[int], parameter: int) -> Probe:
-    """Give what tells rates and readings with more of an input, and what lags behind it, and more of a parameter.
-
-    behind : the states that lag behind the input, of which the rates are left out
-    """
-
-    def values(more: float, further: float) -> FloatArray:
-        x, u, theta = point[0].copy(), point[1].copy(), point[2].copy()
-        u[number] += more
-        theta[parameter] += further
-        x[behind] += more
+        u[number] = change(u[number], by)
+        x[behind] = change(x[behind], by)
+        theta[parameter] = change(theta[parameter], meanwhile)
         return np.delete(np.asarray(function(x, u, theta, *point[3:]))[:, 0], behind)
 
     return values
@@ -138,7 +128,7 @@ def _act_together(points: Sequence[Probe]) -> bool:
     """
     power = _power(points[0])
     return power is not None and all(
-        _is_same(values(1.0, 1.0), values(times, times**power)) and not _is_same(values(1.0, 1.0), values(times, 1.0))
+        _is_same(values(1.0, 1.0), values(times, times**-power)) and not _is_same(values(1.0, 1.0), values(times, 1.0))
         for values in points
         for times in TIMES
     )
@@ -158,12 +148,12 @@ def _power(values: Probe) -> float | None:
         return None
     most = int(np.argmax(np.abs(changed) / np.maximum(np.abs(usual), 1e-300)))
     one, two = 0.0, 1.0
-    left_one, left_two = changed[most], (values(times, times) - usual)[most]
+    left_one, left_two = changed[most], (values(times, 1.0 / times) - usual)[most]
     for _ in range(SECANTS):
         if left_two == left_one or not np.isfinite(left_two):
             break
         one, two, left_one = two, two - left_two * (two - one) / (left_two - left_one), left_two
         if not abs(two) < MOST_POWER:
             return None
-        left_two = (values(times, times**two) - usual)[most]
+        left_two = (values(times, times**-two) - usual)[most]
     return two
