@@ -19,7 +19,18 @@ from faultbond.fit.imperfections import Imperfection
 from faultbond.fit.lasting_error import as_noise, lasting_errors
 from faultbond.fit.quiet_search import Tell
 from faultbond.fit.samples import HealthyRecording, healthy_recording
-from faultbond.fit.trial import LOUDEST, MONTH, ROOM, Health, alarms_of, enough, on_trial, strayed_on, widest_of
+from faultbond.fit.trial import (
+    CALM,
+    LOUDEST,
+    MONTH,
+    ROOM,
+    Health,
+    alarms_of,
+    enough,
+    on_trial,
+    strayed_on,
+    widest_of,
+)
 from faultbond.model.graph import BondGraph, SlowError
 from faultbond.model.text import parse_model
 from faultbond.model.validity import without_states
@@ -85,9 +96,10 @@ def widened(attempt: Attempt, tell: Tell) -> Attempt:
 
     What a fit says of a parameter is how well all recordings together tell one value of it; how far it is from that in
     each of them, or under other inputs, is what `run` has to be told. As it was where that is more than `widest_of`.
+    Those that strayed and in which no fault is sought get more room, as far as they may have it.
     """
     before, times = attempt.widened, dict[str, float]()
-    most = {item.name: widest_of(item.suspect) for item in attempt.graph.parameters}
+    most = {item.name: widest_of(item.suspect) / before.get(item.name, 1.0) for item in attempt.graph.parameters}
 
     def strayed_with(times: dict[str, float]) -> dict[str, float]:
         graph = parse_model(widened_text(attempt.text, attempt.graph, times), file=attempt.graph.file)
@@ -98,13 +110,16 @@ def widened(attempt: Attempt, tell: Tell) -> Attempt:
         hopes = not times
         times = {name: times.get(name, 1.0) * far.get(name, 1.0) for name in (*times, *far)}
         times = {name: x * SPARE if name in far else x for name, x in times.items()}
-        if any(x * before.get(name, 1.0) > most[name] for name, x in times.items()):
+        if any(x > most[name] for name, x in times.items()):
             return attempt
         if hopes:  # a wider accuracy also lets it move farther: some stray however wide it is
-            widest = strayed_with({name: most[name] / before.get(name, 1.0) for name in far})
+            widest = strayed_with({name: most[name] for name in far})
             if any(widest.get(name, 0.0) > ROOM for name in far):
                 return attempt
         strayed = strayed_with(times)
+    for item in attempt.graph.parameters:
+        if not item.suspect and (part := strayed.get(item.name, 0.0)) > CALM:
+            times[item.name] = min(times.get(item.name, 1.0) * SPARE * part / CALM, most[item.name])
     if not times:
         return attempt
     text = widened_text(attempt.text, attempt.graph, times)

@@ -29,10 +29,10 @@ from faultbond.fit.cure import Cure, cured, strayed
 from faultbond.fit.evidence import begun_likeliest
 from faultbond.fit.foothold import Footing, as_fitted, as_found, begun_as_found, values_of, with_values
 from faultbond.fit.further import better, held_until
-from faultbond.fit.ground import COARSE
+from faultbond.fit.ground import COARSE, NEARLY
 from faultbond.fit.healthy_changes import healthy_changes
 from faultbond.fit.held_back import Recordings, parted
-from faultbond.fit.identification import Fit, Halted, Prior, fit_plant
+from faultbond.fit.identification import Fit, Halted, Prior, Reached, fit_at, fit_plant
 from faultbond.fit.lags import of_an_input
 from faultbond.fit.objective import FitPoint, FittedPlant
 from faultbond.fit.offset import centred
@@ -132,6 +132,7 @@ def _steps(
         fit_plant,
         prior=Prior(wishes.prior),
         agreeing=AGREEING,
+        near=NEARLY,
         finish=Finish(SETTLED, COARSE, partial(deadline.has, FIRST)),
         seed=wishes.seed,
         tell=tell,
@@ -181,8 +182,8 @@ def _fitted_first(
 ) -> tuple[Fit, int]:
     """Fit a plant as it stands, and tell in how many times fewer parts a search may take its steps from there.
 
-    The fit takes as few itself where they are enough where it begins; where they are not where it has led, it goes on
-    in all.
+    The fit takes as few itself where they are enough where it begins. Where they are not where it has led, what it says
+    is said with all: a search begins with a climb.
     """
     fewer = coarsest(plant, records, begin, model, begun_likelihood)
     rough = replace(plant, engine=begun_likelihood(model, fewer)()) if fewer > 1 else plant
@@ -190,7 +191,8 @@ def _fitted_first(
     fine = replace(found.plant, engine=plant.engine)
     enough = coarsest(fine, found.records, as_declared(found), model, begun_likelihood)
     if enough < fewer:
-        found = fit(plant, records, replace(begin, values=found.summit.point.values), starts=1)
+        reached = Reached(found.summit, found.reached, found.starts)
+        found = fit_at(fine, found.records, begin, found.summit.point, found.prior, reached)
     return found, enough
 
 
@@ -276,7 +278,7 @@ def _searched(
                 stand, tried, now = best, None, replace(now, added=best.added, rounds=rounds + 1)
             break
         deadline(f"added: {_added_words(stand, better)}")
-        settled = partial(_settled, search, better)
+        settled = partial(_settled, search, better, better.trained - stand.trained)
         stand, tried = deadline.in_time(SEARCH, settled) or better, None
         stand = deadline.in_time(SEARCH, partial(search.coarsened, stand)) or stand
         now = replace(now, added=stand.added, rounds=rounds + 1)
@@ -287,9 +289,9 @@ def _searched(
     return (yield from _attempt(stand, now, text, graph, read, wishes, search.believed, deadline))
 
 
-def _settled(search: Search, stand: Footing) -> Footing:
-    """Give where what was added leads once what is of no use is gone, and a climb has come to rest."""
-    return of_an_input(search, search.at_rest(search.lasting(stand)))
+def _settled(search: Search, stand: Footing, gained: float) -> Footing:
+    """Give where what was added, so many nats, leads once what is of no use is gone, and a climb has come to rest."""
+    return of_an_input(search, search.at_rest(search.lasting(stand), gained))
 
 
 def _added_words(stand: Footing, better: Footing) -> str:

@@ -9,8 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from faultbond.fit.evidence import CLOSE_ENOUGH
 from faultbond.fit.foothold import Footing
 from faultbond.fit.further import better
+from faultbond.fit.ground import NEARER
 from faultbond.fit.quiet_search import CLOSE, FEWEST, WORTH, Search
 from faultbond.fit.stray import INSIDE, strayed_by
 
@@ -47,9 +49,10 @@ def cured(search: Search, stand: Footing) -> Cure:
     if further is None:
         return Cure()
     ground, before = search.ground(further.graph), search.believed
-    search.by_then = free = ground.climbed(further)
+    least = max(CLOSE_ENOUGH, NEARER * (further.trained - stand.trained))
+    search.by_then = free = ground.climbed(further, least=least)
     search.believed = before | names
-    found = ground.climbed(further)
+    found = ground.climbed(further, least=least)
     gain = found.held - stand.held
     if gain >= WORTH and free.held - found.held <= max(FEWEST, CLOSE * gain) and not names & strayed(search, found):
         return Cure(kept=found)

@@ -29,9 +29,12 @@ class Added:
     def may_have(self, other: "Added", part: float) -> bool:
         """Tell whether a slow error may have what a lag or a curve explains, which gains `part` as much where fitted.
 
-        That may foretell little by itself: without the slow error, other values stand in for what it lacks.
+        That may foretell little by itself: without the slow error, other values stand in for what it lacks. What loses
+        more where it was not fitted than it gains where it was is nothing of this plant.
         """
-        return self.what.is_slow and other.what.is_definite and other.trained >= part * self.trained
+        if not self.what.is_slow or not other.what.is_definite:
+            return False
+        return other.trained >= part * self.trained and other.held > -other.trained
 
 
 def as_fitted(added: Sequence[Added], values: Mapping[str, float]) -> tuple[Added, ...]:

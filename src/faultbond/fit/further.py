@@ -85,7 +85,7 @@ def _round(search: Search, stand: Footing) -> Footing | None:
     good = {what.key: what for item in near for what in (item.added[-1].what, *item.added[-1].alike)}
     alike = tuple(what for key, what in good.items() if key != best.added[-1].what.key)
     more = _with_powers(stand, [replace(best.added[-1], alike=alike)])
-    alone = _without_needless(search, stand, added_together(search, stand, more), more)
+    alone = _without_needless(search, stand, added_together(search, _nearer(stand, best), more), more)
     return alone if alone.held - stand.held >= WORTH else None  # it may have gained by other values of parameters
 
 
@@ -259,13 +259,27 @@ def _joint(search: Search, stand: Footing, best: Footing, others: Sequence[Footi
         search.tell(f"fitting {', '.join(item.what.words for item in more)} together")
         with suppress(StructureError):
             found = added_together(search, stand, more)
-            slow = more[0].what.is_slow  # it has much of what lags, holds and curves gain
-            asked = sum(WORTH if slow and item.what.is_definite else BESIDE * item.held for item in more[1:])
-            if found.held - stand.held >= more[0].held + asked:
+            if _go_together(stand, found, more):
                 search.by_then = found
                 return _without_needless(search, stand, found, more)
         chosen = chosen[: FEWER.get(len(chosen), 0)]
     return None
+
+
+def _go_together(stand: Footing, found: Footing, more: Sequence[Added]) -> bool:
+    """Tell whether things gain together, as in `found`, what each with a cause of its own gains beside the best.
+
+    Of what is held back; or of all recordings, where what is held back loses little beside the best: while a plant
+    still lacks much, each recording asks for other values that make up for it.
+    """
+    best, *others = more
+    slow = best.what.is_slow  # it has much of what lags, holds and curves gain
+    asked = sum(WORTH if slow and item.what.is_definite else BESIDE * item.held for item in others)
+    held = found.held - stand.held
+    if held >= best.held + asked:
+        return True
+    in_all = best.trained + best.held + BESIDE * sum(item.trained + item.held for item in others)
+    return held >= (1.0 - WORTHY) * best.held and found.few - stand.few + held >= in_all
 
 
 def _is_apart(what: Imperfection, chosen: Sequence[Footing]) -> bool:
@@ -288,11 +302,12 @@ def _without_needless(search: Search, stand: Footing, found: Footing, more: Sequ
             continue
         search.tell(f"fitting {', '.join(known.what.words for known in others)} without {item.what.words}")
         begin = _nearer(stand, found)
-        nearer = added_together(search, begin, others, least=WORTH / 3.0, few=True)
-        if found.held - nearer.held >= SURE:  # the rest of the way brings no such gain
+        alone = added_together(search, begin, others, least=WORTH / 3.0, few=not search.few_are_all)
+        if found.held - alone.held >= SURE:  # the rest of the way brings no such gain
             continue
-        begin = replace(begin, values={name: nearer.values[name] for name in begin.values})
-        alone = added_together(search, begin, others, least=WORTH / 3.0)
+        if not search.few_are_all:
+            begin = replace(begin, values={name: alone.values[name] for name in begin.values})
+            alone = added_together(search, begin, others, least=WORTH / 3.0)
         if found.held - alone.held < WORTH:
             found = alone
     return found

@@ -117,6 +117,7 @@ def fit_plant(
     believed: frozenset[str] = frozenset(),
     starts: int = 4,
     agreeing: int | None = None,
+    near: float = 0.0,
     finish: Finish = TO_THE_TOP,
     shaken: bool = True,
     seed: int = 0,
@@ -133,6 +134,7 @@ def fit_plant(
     believed : parameters whose accuracies are not widened
     starts : how many starts the search has, the nominal values among them
     agreeing : the search ends where so many of them have ended at the same best values; None: all are tried
+    near : part of the least that a climb has gained, so close to the best end those that have found the same
     finish : what a further step of a climb has to bring, and whether there is time for it, or for another start
     shaken : whether it goes on from places around where a climb is stuck
     seed : of the other starts
@@ -154,7 +156,7 @@ def fit_plant(
             f"{names}: {readings} readings can be used, and {unknown} values are to be found; give a longer recording"
         )
     turns = None if shaken else TURNS
-    climbs = _climbs(plant, records, begin, starts, agreeing or starts, finish, seed, tell)
+    climbs = _climbs(plant, records, begin, starts, agreeing or starts, near, finish, seed, tell)
     reached = next(climbs)
     try:
         for further in climbs:
@@ -255,6 +257,7 @@ def _climbs(
     begin: FitPoint,
     starts: int,
     agreeing: int,
+    near: float,
     finish: Finish,
     seed: int,
     tell: Callable[[str], None],
@@ -277,7 +280,7 @@ def _climbs(
         summits.append(ascend(plant, records, point, prior, turns=TURNS, finish=finish, rival=rival, tell=told))
         best = max(summits, key=lambda item: item.posterior)
         if np.isfinite(best.posterior):
-            close = max(ALIKE, finish.least(best.gained))
+            close = max(ALIKE, finish.least(best.gained), near * min(item.gained for item in summits))
             alike = sum(item.posterior > best.posterior - close for item in summits)
             yield Reached(best, alike, len(summits))
             if alike >= agreeing or not finish.in_time():

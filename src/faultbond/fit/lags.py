@@ -81,13 +81,14 @@ def _together(search: Search, stand: Footing, begin: Footing, lags: Sequence[Imp
     All of what they gain is told of the first.
     """
     with suppress(StructureError):  # a lag may leave the equations without an order in which to solve them
-        near = search.ground_with(begin, lags).climbed(begin, *lags, few=True)
+        near = search.ground_with(begin, lags).climbed(begin, *lags, few=not search.few_are_all)
         lasting = [item.what for item in near.added[len(stand.added) :] if item.what.size > NO_LAG * search.step]
         gained, held = near.few - stand.few, near.held - stand.held
         if not lasting or not gained >= FEWEST or not held > -gained:  # what is held back loses more: no use to go on
             return None
         begin = replace(stand, values={name: near.values[name] for name in stand.values})
-        found = search.ground_with(begin, lasting).climbed(begin, *lasting)
+        is_found = search.few_are_all and len(lasting) == len(lags)
+        found = near if is_found else search.ground_with(begin, lasting).climbed(begin, *lasting)
         return replace(found, added=(*stand.added, *_told_of_first(found.added[len(stand.added) :])))
     return None
 

@@ -19,9 +19,9 @@ from faultbond.errors import StructureError
 from faultbond.fit.coarse_step import Begin, coarsest
 from faultbond.fit.curves import likeliest_curves, movers_of, possible_curves
 from faultbond.fit.delays import in_a_loop
-from faultbond.fit.evidence import all_known, foretold, joint_courses, likelihoods
+from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
 from faultbond.fit.foothold import Added, Footing, in_time, keys_of, with_noise, with_orders
-from faultbond.fit.ground import LEAST_LAG, Ground
+from faultbond.fit.ground import LEAST_LAG, NEARER, NEARLY, Ground
 from faultbond.fit.identification import FEW_WILD, WILD, Fit
 from faultbond.fit.imperfections import (
     CURVES,
@@ -65,7 +65,7 @@ MOST_SAMPLES, LEAST_SAMPLES = 6000, 2000  # with which sizes are compared, and w
 FOLLOWED = 30  # states and errors that may be followed through all of these: what a sample takes grows with them
 FULLY = 15  # imperfections that are asked for at sizes and memories about their best
 LEAST_LAST = 0.1  # of the samples that compare; a shorter part of a recording tells little
-FEW_SAMPLES = 8000  # of the recordings with which imperfections are compared; what is kept is fitted to all
+FEW_SAMPLES = 16000  # of the recordings with which imperfections are compared; what is kept is fitted to all
 
 Tell = Callable[[str], None]
 
@@ -96,6 +96,7 @@ class Search:
         steps = np.concatenate([np.diff(item.time) for item in (*self.trained, *self.held)])
         self.step = float(np.median(steps))
         self.few: Sequence[HealthyRecording] = first_of(self.trained, FEW_SAMPLES)
+        self.few_are_all = sum(len(item.time) for item in self.trained) <= FEW_SAMPLES
         self.longest = LONGEST * min(float(np.ptp(item.time)) for item in self.trained)
         signals = law_signals(model)
         self.behind = {name: left for name, left in signals_behind(model).items() if name in signals}
@@ -166,19 +167,21 @@ class Search:
         self.all = self._with_all(stand.graph)
         return self.ground(stand.graph).climbed(stand)
 
-    def at_rest(self, stand: Footing) -> Footing:
+    def at_rest(self, stand: Footing, gained: float) -> Footing:
         """Give where it leads to climb on from a footing to which a climb has led that had not come to rest.
 
         Else what the next thing seems to gain is what all others still gain, and each one tried climbs that way again.
+        What is little beside what the last thing gained, nats, is so beside the next, too, while a plant lacks much.
         """
+        least, enough = max(CLOSE_ENOUGH, NEARER * gained), max(FEWEST, NEARLY * gained)
         for _ in range(FURTHER):
             if stand.settled:
                 break
             self.tell("climbing on")
-            further = self.ground(stand.graph).climbed(stand)
-            gained = further.trained - stand.trained
-            stand = further if gained > 0.0 else stand
-            if not gained >= FEWEST:
+            further = self.ground(stand.graph).climbed(stand, least=least)
+            more = further.trained - stand.trained
+            stand = further if more > 0.0 else stand
+            if not more >= enough:
                 break
         return stand
 

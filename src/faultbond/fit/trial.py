@@ -29,6 +29,9 @@ LASTING = 20.0  # samples; a slow error of a sensor that is shorter is much like
 KINDS = ("accuracy", "noise", "slow")
 BLIND = 0.25  # standard deviation of scores, below which most of what a sensor shows is let be
 ROOM = 0.7  # of every limit: recordings that are as quiet are so on other days too
+# The same of how far a parameter may walk in which no fault is sought. That one walks too far only says that the model
+# is off, and hides what changes later; and three recordings hardly tell how far it walks in a fourth.
+CALM = ROOM / 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

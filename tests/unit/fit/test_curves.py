@@ -542,10 +542,14 @@ def test_a_curve_of_no_use_is_left_out(
 @pytest.mark.parametrize(
     ("lost", "climbs", "kept"), [(SURE, [True], "hk"), (0.9 * SURE, [True, False], "hk"), (1.0, [True, False], "h")]
 )
+@pytest.mark.parametrize("few_are_all", [False, True])
 def test_what_few_recordings_miss_much_is_not_fitted_to_all_without(
-    lost: float, climbs: list[bool], kept: str, monkeypatch: pytest.MonkeyPatch
+    lost: float, climbs: list[bool], kept: str, monkeypatch: pytest.MonkeyPatch, *, few_are_all: bool
 ) -> None:
-    """A climb with all recordings follows where few of them leave it open; it begins where these have led."""
+    """A climb with all recordings follows where few of them leave it open; it begins where these have led.
+
+    Where few are all, that is one climb.
+    """
     bend, asked = Bend(Name("flow"), "flow", 1.0, 0.1), list[bool]()
     h, k = (Imperfection(kind=Kind.CURVE, place=name, bend=bend) for name in "hk")
     more = [Added(what=item, trained=9.0, held=9.0) for item in (h, k)]
@@ -553,15 +557,15 @@ def test_what_few_recordings_miss_much_is_not_fitted_to_all_without(
     found = replace(stand, held=200.0, added=tuple(more), values={"UA": 2.0})
 
     def together(_: Search, begin: Footing, more: Sequence[Added], *, few: bool = False, **__: float) -> Footing:
-        assert begin.values["UA"] == (2.0 if few else 3.0)
+        assert begin.values["UA"] == (2.0 if few or few_are_all else 3.0)
         asked.append(few)
         return replace(begin, held=200.0 - lost, added=tuple(more), values={"UA": 3.0})
 
     monkeypatch.setattr(further, "added_together", together)
     search = Search.__new__(Search)
-    search.tell = lambda _: None
+    search.tell, search.few_are_all = lambda _: None, few_are_all
     ended = further._without_needless(search, stand, found, more)
-    assert asked == climbs
+    assert asked == ([False] if few_are_all else climbs)
     assert "".join(item.what.place for item in ended.added) == kept
 
 
@@ -607,7 +611,7 @@ def test_a_curve_beside_others_has_to_be_needed(
     )
     monkeypatch.setattr(further, "FEWEST", 0.5)
     search = Search.__new__(Search)
-    search.tell, search.refused = lambda _: None, {}
+    search.tell, search.refused, search.few_are_all = lambda _: None, {}, False
     found = further.better(search, stand)
     assert found is not None
     assert "".join(item.what.place[0] for item in found.added) == kept

@@ -103,7 +103,7 @@ def test_they_are_asked_for_together_once(monkeypatch: pytest.MonkeyPatch) -> No
         raise StructureError
 
     monkeypatch.setattr(lags, "late_ones", hinted)
-    search = SimpleNamespace(trained=(), step=STEP, idle={}, refused={}, asked_together=frozenset())
+    search = SimpleNamespace(trained=(), step=STEP, idle={}, refused={}, asked_together=frozenset(), few_are_all=False)
     search.tell, search.ground_with = told.append, without_order
     stand = Footing(graph=parse_model(LADDER), values={}, starts={})
     seen = []
@@ -114,8 +114,9 @@ def test_they_are_asked_for_together_once(monkeypatch: pytest.MonkeyPatch) -> No
     assert seen == [0, 1, 1, 2]
 
 
+@pytest.mark.parametrize("few_are_all", [False, True])
 @pytest.mark.parametrize(
-    ("few", "held", "sizes", "kept"),
+    ("gained", "held", "sizes", "kept"),
     [
         (100.0, 50.0, (0.2, 0.2, 0.2), ["v1", "v2", "i"]),
         (100.0, 50.0, (0.2, 0.01, 0.2), ["v1", "i"]),  # one has come down to the least
@@ -126,9 +127,15 @@ def test_they_are_asked_for_together_once(monkeypatch: pytest.MonkeyPatch) -> No
     ],
 )
 def test_lags_are_kept_that_last_where_they_foretell_better(
-    few: float, held: float, sizes: tuple[float, ...], kept: list[str] | None, monkeypatch: pytest.MonkeyPatch
+    gained: float,
+    held: float,
+    sizes: tuple[float, ...],
+    kept: list[str] | None,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    few_are_all: bool,
 ) -> None:
-    """What they gain together is told of the first."""
+    """What they gain together is told of the first; there is no further climb where the first had all recordings."""
     hints = [(Imperfection(kind=Kind.LAG, place=name, is_sensor=True), 100.0) for name in ("v1", "v2", "i")]
     stand, found = (
         Footing(graph=parse_model(LADDER), values={}, starts={}),
@@ -137,17 +144,21 @@ def test_lags_are_kept_that_last_where_they_foretell_better(
 
     climbs: list[int] = []
 
-    def climbed(begin: Footing, *asked: Imperfection, **_: object) -> Footing:
+    def climbed(begin: Footing, *asked: Imperfection, few: bool = False) -> Footing:
         climbs.append(len(asked))
-        new = (Added(what=replace(x, size=found[x.place]), trained=few, held=held) for x in asked)
-        return replace(begin, few=begin.few + few, held=begin.held + held, added=(*begin.added, *new))
+        assert few is (not few_are_all and len(climbs) == 1)
+        new = (Added(what=replace(x, size=found[x.place]), trained=gained, held=held) for x in asked)
+        return replace(begin, few=begin.few + gained, held=begin.held + held, added=(*begin.added, *new))
 
     monkeypatch.setattr(lags, "late_ones", lambda *_: hints)
-    search = SimpleNamespace(trained=(), step=STEP, idle={}, refused={}, asked_together=frozenset())
+    search = SimpleNamespace(
+        trained=(), step=STEP, idle={}, refused={}, asked_together=frozenset(), few_are_all=few_are_all
+    )
     search.tell, search.ground_with = (lambda _: None), (lambda *_: SimpleNamespace(climbed=climbed))
     lagging = lags.late_together(cast(Any, search), stand)
     assert (None if lagging is None else [item.what.place for item in lagging.added]) == kept
-    assert len(climbs) == (1 if few < FEWEST or held < -few or max(sizes) < 0.1 else 2)
+    in_one = gained < FEWEST or held < -gained or max(sizes) < 0.1 or (few_are_all and min(sizes) > 0.1)
+    assert len(climbs) == (1 if in_one else 2)
     if lagging is not None:
         assert [item.held for item in lagging.added] == [held, *[0.0] * (len(lagging.added) - 1)]
 
@@ -182,7 +193,7 @@ def test_what_sensors_share_is_asked_of_several_inputs(
         return replace(begin, few=begin.few + 100.0, held=held if beside else 50.0, added=(*begin.added, *new))
 
     monkeypatch.setattr(lags, "late_ones", lambda *_: hints)
-    search = SimpleNamespace(trained=(), step=STEP, idle={}, refused={}, asked_together=frozenset())
+    search = SimpleNamespace(trained=(), step=STEP, idle={}, refused={}, asked_together=frozenset(), few_are_all=False)
     search.tell, search.ground_with = (lambda _: None), (lambda *_: SimpleNamespace(climbed=climbed))
     lagging = lags.late_together(cast(Any, search), Footing(graph=parse_model(LADDER), values={}, starts={}))
     assert lagging is not None

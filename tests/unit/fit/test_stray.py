@@ -22,6 +22,7 @@ from faultbond.cli import DONE, main
 from faultbond.fit import cure, ground, identification
 from faultbond.fit.ascent import TURNS, Finish, Summit, ascend, spread_noise
 from faultbond.fit.cure import Cure, cured, strayed
+from faultbond.fit.evidence import CLOSE_ENOUGH
 from faultbond.fit.foothold import Added, Footing
 from faultbond.fit.identification import Fit, Prior, fit_plant
 from faultbond.fit.imperfections import Imperfection, Kind, with_imperfections
@@ -201,8 +202,10 @@ class Cured(SimpleNamespace):
     def ground(self, graph: object) -> SimpleNamespace:
         return SimpleNamespace(climbed=self.climbed)
 
-    def climbed(self, stand: Footing, *, is_far: bool = False) -> Footing:
+    def climbed(self, stand: Footing, *, is_far: bool = False, least: float = CLOSE_ENOUGH) -> Footing:
         assert is_far is bool(self.inside)
+        # A thousandth of what was gained is neither here nor there where it is asked whether it stays.
+        assert least == (CLOSE_ENOUGH if is_far else pytest.approx(max(CLOSE_ENOUGH, 1e-3 * stand.trained)))
         if self.inside:
             course, ahead = (0.0 if known else -np.inf for known in (self.course, self.ahead))
             return replace(stand, held=ahead - 500.0, trained=course, values={**stand.values, "R": 2.1})
@@ -215,6 +218,7 @@ class Cured(SimpleNamespace):
     ("case", "is_cured"),
     [
         ({}, True),
+        ({"trained": 20_000.0}, True),
         ({"found": False}, False),
         ({"course": False}, False),
         ({"ahead": False}, False),
@@ -235,14 +239,15 @@ def test_what_is_missing_is_kept_where_it_explains_as_much(
     parameters = tuple(enumerate(graph.parameters))
     known = {item.name: item.nominal for item in graph.parameters}
     stand = Footing(graph=graph, values=known | {"R": 3.0}, starts={}, held=0.0)
-    options = {"found": True, "gain": 50.0, "free": 1.0, "ends": 2.1, "course": True, "ahead": True} | case
+    options = {"found": True, "gain": 50.0, "free": 1.0, "ends": 2.1, "course": True, "ahead": True, "trained": 60.0}
+    options |= case
     fake = Cured(
         parameters=parameters, own=(), tell=lambda _: None, inside=frozenset(), believed=frozenset(), refused={}
     )
     fake.asked_together, fake.by_then = frozenset({(Kind.LAG, "before")}), None
     fake.__dict__.update(options)
     search = cast(Search, fake)
-    explained = replace(stand, held=fake.gain) if fake.found else None
+    explained = replace(stand, held=fake.gain, trained=fake.trained) if fake.found else None
 
     def better(search: Search, _: Footing) -> Footing | None:
         search.asked_together |= {(Kind.LAG, "with it inside")}
@@ -268,10 +273,10 @@ def test_what_a_cure_leads_to_is_known_before_it_ends(monkeypatch: pytest.Monkey
     """With the parameter let go, while it is asked still whether it stays by itself."""
 
     class Stopped(Cured):
-        def climbed(self, stand: Footing, *, is_far: bool = False) -> Footing:
+        def climbed(self, stand: Footing, *, is_far: bool = False, least: float = CLOSE_ENOUGH) -> Footing:
             if "R" in self.believed:
                 raise InterruptedError
-            return super().climbed(stand, is_far=is_far)
+            return super().climbed(stand, is_far=is_far, least=least)
 
     graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
     stand = Footing(graph=graph, values={item.name: item.nominal for item in graph.parameters} | {"R": 3.0}, starts={})
@@ -433,7 +438,7 @@ def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest
     graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
     lag = Added(what=Imperfection(kind=Kind.LAG, place="V", size=0.1), trained=9.0, held=9.0)
     stand = Footing(graph=graph, values={}, starts={})
-    more = replace(stand, held=9.0, added=(lag,))
+    more = replace(stand, held=9.0, trained=stand.trained + 30.0, added=(lag,))
     cures, on_trial = [more, None], list[Footing]()
 
     def attempt(stand: Footing, now: object, *_: object) -> Generator[object, None, tuple[object, object]]:
@@ -447,7 +452,8 @@ def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest
     monkeypatch.setattr(quiet_fit, "of_an_input", lambda _, stand: stand)
     rested = list[Footing]()
 
-    def at_rest(stand: Footing) -> Footing:
+    def at_rest(stand: Footing, gained: float) -> Footing:
+        assert gained == 30.0
         rested.append(stand)
         return stand
 
@@ -460,6 +466,38 @@ def test_a_quiet_model_is_asked_once_more_before_it_is_taken(monkeypatch: pytest
     for _ in quiet_fit._searched(cast(Any, search), stand, now, "", graph, (), cast(Any, wishes), bound):
         pass
     assert on_trial == rested == [more]
+
+
+@pytest.mark.parametrize(
+    ("second", "near", "tried"),
+    [
+        (999.0, 0.0, 2),  # nats, of 1000: the same to any
+        (995.0, 0.0, 4),
+        (995.0, 0.01, 2),  # the same for a search, which has thousands to gain
+        (985.0, 0.01, 4),
+        (1005.0, 0.01, 2),  # whichever was first
+        (1015.0, 0.01, 4),
+    ],
+)
+def test_starts_that_end_close_by_found_the_same(
+    second: float, near: float, tried: int, recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No further one is tried then. Close is in parts of what both have gained, not of what a bad start gains."""
+    graph = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml")
+    core, model = build_watcher(graph), build_model(graph)
+    read = [("a", read_points(graph, str(recording)))]
+    plant, records, begin = build_fit(model, likelihood_engine(model), core, read, free_parameters(graph))
+    there = ascend(plant, records, begin, plant.unknowns.widened(1.0), turns=0)
+    climbs = iter([(0.0, 999.5), (-1e6, second), (-1e6, 0.0), (-1e6, 0.0)])  # where each begins and ends
+
+    def climbed(*_: object, **__: object) -> Summit:
+        begun, ended = next(climbs)
+        return replace(there, posterior=ended, course=(begun, ended))
+
+    monkeypatch.setattr(identification, "ascend", climbed)
+    *_, reached = identification._climbs(plant, records, begin, 4, 2, near, Finish(), 0, lambda _: None)
+    assert len(list(climbs)) == 4 - tried
+    assert reached.best.posterior == max(999.5, second)
 
 
 def test_no_further_start_begins_without_time(recording: Path) -> None:
