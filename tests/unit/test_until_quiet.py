@@ -225,7 +225,7 @@ def test_a_lag_is_found_where_it_is(model: Path, tmp_path: Path, capsys: pytest.
     (row,) = (line for line in capsys.readouterr().out.splitlines() if line.split()[:1] == [f"{added['of']}_lag"])
     assert row.split()[1:3] == [added["of"], "added"]
     assert row.split()[6] == "s"  # estimate ± sd
-    assert row.split()[7:] == ["1", "%", "yes"]  # accuracy, and no change before it
+    assert row.split()[7:] == ["3", "%", "yes"]  # accuracy, three times that of the fit, and no change before it
 
 
 @pytest.mark.usefixtures("no_sizes")

@@ -14,6 +14,7 @@ from faultbond.model.correlations import is_definite, scaled
 from faultbond.model.graph import BondGraph, Parameter, Sensor, SlowError
 
 LEAST_ACCURACY = 0.01  # of a value: no plant stays the same to better; a smaller one is kept where it is declared
+LESS_SURE = 3.0  # standard errors, up to the declared accuracy, of what is no suspect: that it walks helps nobody
 MOST_CHANGE = 0.5  # of `change`; a healthy value that is less sure could not be told from a fault
 ZERO = 3.0  # standard errors within which a nominal value of 0 is kept
 WORTH = (0.1, 0.05, 0.02, 0.0)  # correlations that are worth telling: as few as make sense without the others
@@ -132,7 +133,8 @@ def _estimates_at(found: Fit, values: FloatArray) -> tuple[Estimate, ...]:
         factor, unit = float(q[unknowns.places[k]]), abs(float(slopes[k]) * item.scale)
         sd = float(certainty.sd[k]) * unit
         value = factor * item.scale
-        least = _least(value, item)  # at least the standard error, and
+        known = max(sd, _least(value, item))  # at least the standard error, and
+        known = known if item.suspect else max(known, min(LESS_SURE * known, item.accuracy))
         grown = abs(value / item.nominal) if item.nominal != 0.0 else 1.0
         most = max(MOST_CHANGE * item.change * grown, item.accuracy)  # no more than a fault would change
         estimates.append(
@@ -142,7 +144,7 @@ def _estimates_at(found: Fit, values: FloatArray) -> tuple[Estimate, ...]:
                 sd=sd,
                 alone=float(certainty.alone[k]) * unit,
                 inflation=float(certainty.inflation[k]),
-                accuracy=min(max(sd, least), most),
+                accuracy=min(known, most),
                 determined=bool(certainty.determined[k]),
                 at_end=bool(
                     values[k] - unknowns.lower[k] < AT_END or unknowns.upper[k] - values[k] < AT_END,

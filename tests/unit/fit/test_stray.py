@@ -187,6 +187,24 @@ def test_an_accuracy_that_is_believed_is_not_widened(recording: Path) -> None:
     assert values["R"] + values["R_c"] == pytest.approx(TOTAL, rel=0.01)
 
 
+@pytest.mark.parametrize(
+    ("declared", "suspect", "told"), [("9 %", "yes", 1.0), ("9 %", "no", 3.0), ("2 %", "no", 2.0), ("0.5 %", "no", 0.5)]
+)
+def test_what_is_no_suspect_is_known_less_well_than_a_fit_says(
+    declared: str, suspect: str, told: float, recording: Path
+) -> None:
+    """Three times, up to what was declared: few recordings do not show how far it is otherwise in others."""
+    inductance = f"{{nominal: 2.5 H, accuracy: {declared}, suspect: {suspect}}}"
+    text = MODEL.replace("RESISTANCE", "3 ohm").replace("{nominal: 2.5 H, accuracy: 5 %}", inductance)
+    graph = parse_model(text, file="m.yaml")
+    core, model = build_watcher(graph), build_model(graph)
+    read = [("a", read_points(graph, str(recording)))]
+    found = fit_plant(*build_fit(model, likelihood_engine(model), core, read, free_parameters(graph)), starts=1)
+    (known,) = (item for item in estimates_of(found) if item.parameter.name == "L")
+    assert known.sd < 0.009 * known.value  # so it is 1 % that a plant stays the same to
+    assert known.accuracy == pytest.approx(0.01 * told * known.value, rel=0.02)
+
+
 def test_distances_are_those_of_the_prior() -> None:
     """A positive parameter is off by the logarithm of its factor, another by its difference, an exact one by none."""
     item = parse_model(MODEL.replace("RESISTANCE", "2 ohm"), file="m.yaml").parameter("R")
