@@ -14,12 +14,13 @@ from faultbond.fit.foothold import Footing
 from faultbond.fit.further import better
 from faultbond.fit.ground import NEARER
 from faultbond.fit.quiet_search import CLOSE, FEWEST, WORTH, Search
-from faultbond.fit.stray import INSIDE, strayed_by
+from faultbond.fit.stray import strayed_by
+from faultbond.fit.unknowns import INSIDE, is_absent
 
 
 def strayed(search: Search, stand: Footing) -> frozenset[str]:
     """Give the parameters that stand far outside their declared accuracies."""
-    found = (item for _, item in search.parameters if item.name not in search.own)
+    found = (item for _, item in search.parameters if item.name not in search.own and not is_absent(item))
     return frozenset(item.name for item in found if abs(strayed_by(item, stand.values[item.name])) > INSIDE)
 
 

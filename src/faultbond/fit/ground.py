@@ -40,8 +40,7 @@ from faultbond.fit.objective import (
 )
 from faultbond.fit.samples import HealthyRecording
 from faultbond.fit.score import score_gains
-from faultbond.fit.stray import INSIDE
-from faultbond.fit.unknowns import Unknowns, unknowns_of
+from faultbond.fit.unknowns import INSIDE, Unknowns, unknowns_of
 from faultbond.model.expression import Expression
 from faultbond.model.graph import BondGraph, Parameter
 

@@ -96,7 +96,7 @@ class Search:
         steps = np.concatenate([np.diff(item.time) for item in (*self.trained, *self.held)])
         self.step = float(np.median(steps))
         self.few: Sequence[HealthyRecording] = first_of(self.trained, FEW_SAMPLES)
-        self.few_are_all = sum(len(item.time) for item in self.trained) <= FEW_SAMPLES
+        self.few_are_all = [len(item.time) for item in self.few] == [len(item.time) for item in self.trained]
         self.longest = LONGEST * min(float(np.ptp(item.time)) for item in self.trained)
         signals = law_signals(model)
         self.behind = {name: left for name, left in signals_behind(model).items() if name in signals}

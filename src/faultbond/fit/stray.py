@@ -14,10 +14,10 @@ from faultbond.arrays import FloatArray
 from faultbond.fit.certainty import SEVERAL, SHOWN, Certainty
 from faultbond.fit.identification import Fit, Prior
 from faultbond.fit.outcome import Estimate
-from faultbond.fit.unknowns import FURTHEST, is_logarithmic
+from faultbond.fit.unknowns import FURTHEST, INSIDE, is_logarithmic
 from faultbond.model.graph import BondGraph, Parameter
 
-INSIDE = 3.0  # accuracies; a parameter that a fit puts farther from where it was declared strays
+HELD = INSIDE * (1.0 - 1e-6)  # what stands at this end is kept from straying
 TRADED = 0.5  # correlation beyond which a parameter goes with another
 ABOUT_ALIKE = 0.5  # of the largest part in a scale that parameters have in common
 
@@ -69,7 +69,7 @@ def strays_of(graph: BondGraph, found: Fit, estimates: Sequence[Estimate]) -> tu
     strays = []
     for k, item in enumerate(estimates):
         off = strayed_by(item.parameter, item.value)
-        if abs(off) <= INSIDE or item.stays_zero or item.parameter.name in graph.lags:
+        if abs(off) <= HELD or item.stays_zero or item.parameter.name in graph.lags:
             continue
         moved = abs(item.value - item.parameter.nominal)
         covariance = _without_scales(found.certainty, k)[:n, :n] * np.outer(units, units)  # SI

@@ -13,6 +13,7 @@ from faultbond.fit.likelihood import Layout
 from faultbond.model.graph import Parameter
 
 FURTHEST = 1e3  # a parameter is at most so many times larger or smaller than nominal
+INSIDE = 3.0  # accuracies; a parameter that a fit puts farther from where it was declared strays
 NOISE_PRIOR = 3.0  # sd of the logarithm of a size of noise: a factor of 20 either way
 
 
@@ -57,6 +58,11 @@ def is_logarithmic(item: Parameter) -> bool:
     return (item.nominal > 0.0 and item.lower >= 0.0) or (item.nominal < 0.0 and item.upper <= 0.0)
 
 
+def is_absent(item: Parameter) -> bool:
+    """Tell whether what a parameter stands for is not there while healthy, as a leak: 0, from where it only goes up."""
+    return item.suspect and item.nominal == 0.0 < item.accuracy and 0.0 in (item.lower, item.upper)
+
+
 def unknowns_of(
     layout: Layout,
     base: FloatArray,
@@ -66,6 +72,9 @@ def unknowns_of(
     grow: bool = False,
 ) -> Unknowns:
     """Give the unknowns.
+
+    What is absent while healthy stays inside its declared accuracy: of a model that lacks something any leak explains
+    a part, and a leak of healthy recordings hides that of a fault.
 
     Parameters
     ----------
@@ -81,6 +90,8 @@ def unknowns_of(
         ends = sorted((item.lower / item.scale, item.upper / item.scale))
         nominal.append(0.0 if log else base[place])
         prior.append(item.accuracy / abs(item.scale))
+        if is_absent(item):
+            ends = [min(max(end, -INSIDE * prior[-1]), INSIDE * prior[-1]) for end in ends]
         lower.append(np.log(max(ends[0], 1.0 / FURTHEST)) if log else ends[0])
         upper.append(np.log(min(ends[1], FURTHEST)) if log else ends[1])
     several = len(noises)

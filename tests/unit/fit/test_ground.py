@@ -6,6 +6,7 @@ import pytest
 from faultbond.app.likelihood import begun_likelihood, likelihood_engine
 from faultbond.contract.samples import Sample
 from faultbond.errors import StructureError
+from faultbond.fit import quiet_search
 from faultbond.fit.foothold import Footing
 from faultbond.fit.further import _weighed
 from faultbond.fit.imperfections import Imperfection, Kind
@@ -47,3 +48,29 @@ def test_a_lag_that_brings_another_state_is_left_alone() -> None:
     with pytest.raises(StructureError, match="no start is known of moving"):
         search.ground_with(stand, lags[1:])
     assert {item.place for _, item, _ in _weighed(search, stand, lags)} == {"pull"}
+
+
+@pytest.mark.parametrize(
+    ("lengths", "most", "few", "are_all"),
+    [
+        ((60, 40), 100, [60, 40], True),
+        ((60, 40), 99, [60, 39], False),
+        ((92, 8), 100, [92], False),  # so short a part is left out, though there is room for it
+    ],
+)
+def test_it_is_known_whether_what_compares_is_all(
+    lengths: tuple[int, int], most: int, few: list[int], are_all: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Then no climb is done twice."""
+    monkeypatch.setattr(quiet_search, "FEW_SAMPLES", most)
+    graph, rng = parse_model(BELT), np.random.default_rng(1)
+    model, core = build_model(graph), build_engine(graph)[1]
+    read = [
+        (f"{n}", [Sample(time=0.1 * k, dt=0.1 if k else 0.0, u=np.zeros(2), y=rng.normal(size=1)) for k in range(n)])
+        for n in lengths
+    ]
+    parameters = free_parameters(graph)
+    _, records, begin = build_fit(model, likelihood_engine(model), core, read, parameters)
+    search = Search(graph, begun_likelihood, 1, lambda _: None, parameters, (), (records, records), (begin, begin))
+    assert [len(item.time) for item in search.few] == few
+    assert search.few_are_all is are_all

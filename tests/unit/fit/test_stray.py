@@ -30,7 +30,8 @@ from faultbond.fit.objective import FitPoint, FittedPlant
 from faultbond.fit.outcome import estimates_of
 from faultbond.fit.quiet_search import FEWEST, WORTH, Search
 from faultbond.fit.session import build_fit, free_parameters
-from faultbond.fit.stray import INSIDE, Stray, strayed_by
+from faultbond.fit.stray import Stray, strayed_by, strays_of
+from faultbond.fit.unknowns import INSIDE
 from faultbond.io.recording import write_recording
 from faultbond.model.text import load_model, parse_model
 from faultbond.report.fit_result import Fitted
@@ -203,6 +204,35 @@ def test_what_is_no_suspect_is_known_less_well_than_a_fit_says(
     (known,) = (item for item in estimates_of(found) if item.parameter.name == "L")
     assert known.sd < 0.009 * known.value  # so it is 1 % that a plant stays the same to
     assert known.accuracy == pytest.approx(0.01 * told * known.value, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("ends", "suspect", "held"),
+    [("[0 A, inf]", "yes", True), ("any", "yes", False), ("[0 A, inf]", "no", False)],
+)
+def test_what_is_absent_while_healthy_stays_inside_its_accuracy(
+    ends: str, suspect: str, held: bool, recording: Path
+) -> None:
+    """A leak of a model that lacks something, here an offset of the meter; it is told that it would be larger."""
+    leak = f"{{nominal: 0 A, accuracy: 5 mA, change: 1 A, range: {ends}, suspect: {suspect}}}"
+    text = MODEL.replace("RESISTANCE", "3 ohm").replace("{R_c: 1 ohm}", "{R_c: {nominal: 1 ohm, suspect: no}}")
+    text = text.replace("parameters: {L:", "law: f = p/L, parameters: {lost: " + leak + ", L:").replace(
+        "{reads: armature.f,", "{reads: armature.f + lost,"
+    )
+    graph = parse_model(text, file="m.yaml")
+    core, model = build_watcher(graph), build_model(graph)
+    shifted = recording.with_name("b.csv")
+    head, *rows = recording.read_text(encoding="utf-8").splitlines()
+    parts = [row.split(",") for row in rows]
+    i = head.split(",").index("i")
+    moved = (",".join([*part[:i], str(float(part[i]) + 0.025), *part[i + 1 :]]) for part in parts)
+    shifted.write_text("\n".join([head, *moved]) + "\n", encoding="utf-8")
+    read = [("b", read_points(graph, str(shifted)))]
+    found = fit_plant(*build_fit(model, likelihood_engine(model), core, read, free_parameters(graph)), starts=1)
+    estimates = estimates_of(found)
+    (known,) = (item for item in estimates if item.parameter.name == "lost")
+    assert known.value == pytest.approx(INSIDE * 0.005 if held else 0.025, rel=0.15)
+    assert "lost" in [item.parameter.name for item in strays_of(graph, found, estimates)]
 
 
 def test_distances_are_those_of_the_prior() -> None:
