@@ -29,7 +29,7 @@ from faultbond.fit.cure import Cure, cured, strayed
 from faultbond.fit.evidence import begun_likeliest
 from faultbond.fit.foothold import Footing, as_fitted, as_found, begun_as_found, values_of, with_values
 from faultbond.fit.further import better, held_until
-from faultbond.fit.ground import COARSE, NEARLY
+from faultbond.fit.ground import COARSE
 from faultbond.fit.healthy_changes import healthy_changes
 from faultbond.fit.held_back import Recordings, parted
 from faultbond.fit.identification import Fit, Halted, Prior, Reached, fit_at, fit_plant
@@ -56,6 +56,7 @@ TAKES = (5.0, 20.0)  # times as long as the first fit a search takes; measured, 
 LONG = 300.0  # s; of a search that may take longer it is told how long
 FIRST, SEARCH, FITTED = 0.2, 0.55, 0.65  # parts of its time by which the first fit, the search, and the last fit end
 AGREEING = 2  # starts of the first fit that end at the same values; no further one is tried
+AS_GOOD = 0.01  # part of what these have gained, within which they are the same to a search, which has more to gain
 
 ByThen = Callable[[], Quieted]  # what was found, worked out where somebody asks for it
 
@@ -132,7 +133,7 @@ def _steps(
         fit_plant,
         prior=Prior(wishes.prior),
         agreeing=AGREEING,
-        near=NEARLY,
+        near=AS_GOOD,
         finish=Finish(SETTLED, COARSE, partial(deadline.has, FIRST)),
         seed=wishes.seed,
         tell=tell,

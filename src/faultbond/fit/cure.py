@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from faultbond.fit.evidence import CLOSE_ENOUGH
 from faultbond.fit.foothold import Footing
 from faultbond.fit.further import better
-from faultbond.fit.ground import NEARER
+from faultbond.fit.ground import worth_a_step
 from faultbond.fit.quiet_search import CLOSE, FEWEST, WORTH, Search
 from faultbond.fit.stray import strayed_by
 from faultbond.fit.unknowns import INSIDE, is_absent
@@ -50,7 +49,7 @@ def cured(search: Search, stand: Footing) -> Cure:
     if further is None:
         return Cure()
     ground, before = search.ground(further.graph), search.believed
-    least = max(CLOSE_ENOUGH, NEARER * (further.trained - stand.trained))
+    least = worth_a_step(further.trained - stand.trained)
     search.by_then = free = ground.climbed(further, least=least)
     search.believed = before | names
     found = ground.climbed(further, least=least)

@@ -57,6 +57,11 @@ SIZED = (Kind.RELATIVE, Kind.ABSOLUTE, Kind.WANDER, Kind.TRANSIENT, Kind.INPUT_N
 MOST_POWER = 6.0  # of a curve; laws have no higher ones
 
 
+def worth_a_step(gained: float) -> float:
+    """Give how many nats a further step has to bring where a round has gained so many, beside which less is little."""
+    return max(CLOSE_ENOUGH, NEARER * gained)
+
+
 class Setting(Protocol):
     """What all plants of a search have in common.
 

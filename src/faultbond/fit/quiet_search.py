@@ -19,9 +19,9 @@ from faultbond.errors import StructureError
 from faultbond.fit.coarse_step import Begin, coarsest
 from faultbond.fit.curves import likeliest_curves, movers_of, possible_curves
 from faultbond.fit.delays import in_a_loop
-from faultbond.fit.evidence import CLOSE_ENOUGH, all_known, foretold, joint_courses, likelihoods
+from faultbond.fit.evidence import all_known, foretold, joint_courses, likelihoods
 from faultbond.fit.foothold import Added, Footing, in_time, keys_of, with_noise, with_orders
-from faultbond.fit.ground import LEAST_LAG, NEARER, NEARLY, Ground
+from faultbond.fit.ground import LEAST_LAG, NEARLY, Ground, worth_a_step
 from faultbond.fit.identification import FEW_WILD, WILD, Fit
 from faultbond.fit.imperfections import (
     CURVES,
@@ -173,7 +173,7 @@ class Search:
         Else what the next thing seems to gain is what all others still gain, and each one tried climbs that way again.
         What is little beside what the last thing gained, nats, is so beside the next, too, while a plant lacks much.
         """
-        least, enough = max(CLOSE_ENOUGH, NEARER * gained), max(FEWEST, NEARLY * gained)
+        least, enough = worth_a_step(gained), max(FEWEST, NEARLY * gained)
         for _ in range(FURTHER):
             if stand.settled:
                 break

@@ -317,6 +317,21 @@ def test_what_is_missing_is_kept_where_it_explains_as_much(
         assert search.by_then is let_go
 
 
+def test_what_is_absent_while_healthy_is_asked_no_cure_for() -> None:
+    """It is held inside its accuracy all along, and stands at the end of that to the last digit but one."""
+    leak = "{R_c: 1 ohm, lost: {nominal: 0 V, accuracy: 5 mV, change: 1 V, range: RANGE}}"
+    text = (
+        MODEL.replace("RESISTANCE", "3 ohm")
+        .replace("{R_c: 1 ohm}", leak)
+        .replace("type: R, parameters: {R_c", "type: R, law: e = R_c*f + lost, parameters: {R_c")
+    )
+    for ends, found in (("[0 V, inf]", frozenset[str]()), ("any", frozenset({"lost"}))):
+        graph = parse_model(text.replace("RANGE", ends), file="m.yaml")
+        search = SimpleNamespace(parameters=tuple(enumerate(graph.parameters)), own=())
+        values = {item.name: item.nominal for item in graph.parameters} | {"lost": INSIDE * 0.005 * (1.0 + 1e-15)}
+        assert strayed(cast(Search, search), Footing(graph=graph, values=values, starts={})) == found
+
+
 def test_what_a_cure_leads_to_is_known_before_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the parameter let go, while it is asked still whether it stays by itself."""
 
